@@ -1,0 +1,1 @@
+"""The `ctcbs` command: one file a subcommand."""

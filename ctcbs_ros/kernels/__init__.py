@@ -1,0 +1,1 @@
+"""Compiled kernels on plain floats and arrays: no classes, no input or output."""

@@ -1,0 +1,1 @@
+"""From telemetry samples to the circle that is flown."""

@@ -1,0 +1,1 @@
+"""From the orbit to the end mass: tracking of the branch, margins, warnings."""

@@ -1,0 +1,158 @@
+"""The prediction: what the predictor makes of one sample, in SI units and ENU."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.prediction.codes import SkipCode, Warning
+
+
+@dataclass(frozen=True)
+class SteadyState:
+    """One steady state of the end mass at the orbit flown, in SI units.
+
+    `phase_lag` [rad, 0..2 pi) is how far the end mass trails the tow point in the sense of
+    rotation; tensions in N; `margin` is the decay rate of the least damped mode per radian of orbit
+    and `margin_per_s` per second; `frequency_per_s` in rad/s, in the rotating frame.
+    """
+
+    radius: float
+    depth: float
+    phase_lag: float
+    tension_end_mass: float
+    tension_tow_point: float
+    margin: float
+    margin_per_s: float
+    frequency_per_s: float
+    stable: bool
+    residual: float
+
+
+@dataclass(frozen=True)
+class Jump:
+    """The nearest end (fold) of the tracked branch along one quantity that a pilot can change.
+
+    Attributes
+    ----------
+    at : float
+        Value of the quantity at the fold (rad/s, m/s or m).
+    relative : float
+        Signed change to it over the present value, (at - now) / now.
+    landing_radius : float
+        End-mass radius [m] of the state that the end mass settles to beyond the fold; nan if none
+        is stable there.
+    """
+
+    at: float
+    relative: float
+    landing_radius: float
+
+
+@dataclass(frozen=True)
+class Geodetic:
+    """A position for NavSatFix; `altitude` is above the ellipsoid where `ellipsoidal`, else AMSL."""
+
+    latitude: float
+    longitude: float
+    altitude: float
+    ellipsoidal: bool
+
+
+@dataclass(frozen=True)
+class EndMass:
+    """The end mass on the tracked branch: where it is at the present phase, and its circle.
+
+    Attributes
+    ----------
+    state : SteadyState
+    branch : str
+        Name of the branch, e.g. "main" (see `ctcbs_ros.prediction.branch`).
+    position : (3,) ndarray
+        East, north, up [m] at the prediction's time.
+    yaw : float
+        ENU direction [rad] of its motion.
+    covariance : (6, 6) ndarray
+        Of (east, north, up, roll, pitch, yaw) in SI units, as in PoseWithCovariance.
+    geodetic : Geodetic
+        The same position in latitude, longitude, altitude; all nan where no geodetic datum is known.
+    height_above_home : float
+        Height of the end mass above home, or above the set ground level [m]; nan if unknown.
+    circle_center : (3,) ndarray
+        Centre of the circle that the end mass describes [m]; its radius is `state.radius`.
+    cable : (n, 3) ndarray
+        East, north, up [m] of points along the cable, from the end mass to the tow point.
+    settling_time : float
+        Seconds until a small disturbance has decayed to 5 %; inf if it does not.
+    nearest_loss : str
+        "divergence" or "flutter": the way in which the least damped mode would lose stability.
+    others : tuple of SteadyState
+        The other steady states of the same orbit, in rising radius.
+    jump_in_angular_rate, jump_in_speed, jump_in_radius : Jump or None
+        Nearest fold in angular rate and in speed (both at this radius), and in radius (at this
+        speed); None where the branch has no end there.
+    method : str
+        "table and Newton", "continuation" or "full solve": how the state was found.
+    """
+
+    state: SteadyState
+    branch: str
+    position: np.ndarray
+    yaw: float
+    covariance: np.ndarray
+    geodetic: Geodetic
+    height_above_home: float
+    circle_center: np.ndarray
+    cable: np.ndarray
+    settling_time: float
+    nearest_loss: str
+    others: tuple[SteadyState, ...]
+    jump_in_angular_rate: Jump | None
+    jump_in_speed: Jump | None
+    jump_in_radius: Jump | None
+    method: str
+
+    @property
+    def jump_margin(self) -> float:
+        """Signed change of angular rate to the nearest fold over the present rate; inf if none."""
+        return self.jump_in_angular_rate.relative if self.jump_in_angular_rate else float("inf")
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What is known after one sample. `end_mass` is None unless the prediction is valid.
+
+    Attributes
+    ----------
+    time : float
+        Vehicle clock [s] of the sample.
+    stamp_ns : int
+        The same instant in nanoseconds since the Unix epoch.
+    flight : int
+        Number of the flight in the source.
+    skip : SkipCode or None
+        Why the sample was not used; then `orbit` and `end_mass` are None.
+    orbit : Orbit or None
+        The circle flown; None while not orbiting.
+    tow_point : (3,) ndarray or None
+        Measured tow point, east, north, up [m].
+    end_mass : EndMass or None
+    air_density : float
+        Density used [kg/m^3]; nan where there is no orbit.
+    warnings : tuple of Warning
+    """
+
+    time: float
+    stamp_ns: int
+    flight: int
+    skip: SkipCode | None
+    orbit: Orbit | None
+    tow_point: np.ndarray | None
+    end_mass: EndMass | None
+    air_density: float
+    warnings: tuple[Warning, ...]
+
+    @property
+    def valid(self) -> bool:
+        """Whether there is an end-mass position to be believed."""
+        return self.end_mass is not None

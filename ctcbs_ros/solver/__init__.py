@@ -1,0 +1,1 @@
+"""Steady states, their stability and their folds, in non-dimensional parameters."""

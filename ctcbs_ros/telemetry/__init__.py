@@ -1,0 +1,1 @@
+"""Readers of telemetry (MAVLink and DataFlash) and the screening of what they yield."""
