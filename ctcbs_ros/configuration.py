@@ -1,0 +1,247 @@
+"""The configuration: cable, end mass, air, envelope and limits of one operation, in SI units.
+
+A parameter file or the node's parameters go in, a checked and frozen `Configuration` comes out.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from math import inf, nan, pi
+from pathlib import Path
+from typing import Any
+
+from ctcbs_ros.atmosphere import GRAVITY, standard_atmosphere_density
+from ctcbs_ros.errors import InputError
+from ctcbs_ros.parameter_file import read_parameter_file
+from ctcbs_ros.schema import checked_parameters
+
+PHYSICS = ("cable", "end_mass", "air", "envelope")
+
+
+@dataclass(frozen=True)
+class Cable:
+    """The cable.
+
+    Attributes
+    ----------
+    length : float
+        Unstretched length paid out [m].
+    diameter : float
+        Diameter [m].
+    density : float
+        Mass over the volume of the section [kg/m^3].
+    youngs_modulus : float
+        On the full section [Pa]; inf for an inextensible cable.
+    drag_coefficient : float
+        In cross flow, C_Dn.
+    axial_damping : float
+        Tension over EA and rate of strain [s].
+    breaking_tension : float
+        Tension at which it breaks [N]; inf if not known.
+    """
+
+    length: float
+    diameter: float
+    density: float
+    youngs_modulus: float
+    drag_coefficient: float
+    axial_damping: float = 0.0
+    breaking_tension: float = inf
+
+    @property
+    def area(self) -> float:
+        """Area of the section [m^2]."""
+        return pi / 4 * self.diameter**2
+
+    @property
+    def mass_per_length(self) -> float:
+        """Mass per unstretched length [kg/m]."""
+        return self.density * self.area
+
+
+@dataclass(frozen=True)
+class EndMass:
+    """The end mass: mass [kg], frontal area [m^2], drag coefficient, displaced volume [m^3]."""
+
+    mass: float
+    frontal_area: float
+    drag_coefficient: float
+    displaced_volume: float = 0.0
+
+
+@dataclass(frozen=True)
+class Air:
+    """The air: model "constant" with its density [kg/m^3], or "standard_atmosphere" without."""
+
+    model: str
+    density: float = nan
+
+    def density_at(self, altitude_amsl: float) -> float:
+        """Density [kg/m^3] at an altitude above mean sea level [m]; nan if outside the model."""
+        if self.model == "constant":
+            return self.density
+        return standard_atmosphere_density(altitude_amsl)
+
+
+@dataclass(frozen=True)
+class Envelope:
+    """What is flown and covered by the table: tow radius [m] and speed [m/s], each (min, max)."""
+
+    radius: tuple[float, float]
+    speed: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class WarningLimits:
+    """Where warnings begin.
+
+    Attributes
+    ----------
+    low_margin_per_s : float
+        LOW_MARGIN below this decay rate [1/s].
+    near_jump : float
+        NEAR_JUMP below this relative change of angular rate to the fold.
+    tension_fraction : float
+        TENSION_LIMIT above this fraction of the breaking tension.
+    minimum_height : float
+        GROUND_PROXIMITY below this height of the end mass above the ground [m].
+    stale_after : float
+        STALE_TELEMETRY after this time without a sample [s].
+    ground_level_amsl : float
+        Height of the ground above mean sea level [m]; nan takes home as the ground.
+    """
+
+    low_margin_per_s: float
+    near_jump: float
+    tension_fraction: float
+    minimum_height: float
+    stale_after: float
+    ground_level_amsl: float = nan
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One operation; `source` says where it was read from (a path, or a node's name)."""
+
+    cable: Cable
+    end_mass: EndMass
+    air: Air
+    envelope: Envelope
+    limits: WarningLimits
+    source: str
+
+
+def load_configuration(path: str | Path) -> Configuration:
+    """Read and check a ROS parameter file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or the bare name of one that is shipped ("small_drone"), see `find_configuration`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or anything in it is refused.
+    """
+    file = find_configuration(path)
+    return configuration_from_mapping(read_parameter_file(file), str(file))
+
+
+def find_configuration(path: str | Path) -> Path:
+    """Path of a configuration: `path` itself, or where a shipped one of that bare name lies."""
+    path = Path(path)
+    if path.exists() or path.name != str(path) or path.suffix not in ("", ".yaml"):
+        return path
+    package = Path(__file__).resolve().parent
+    folders = [package.parent / "config"]  # a checkout
+    folders += [prefix / "share/ctcbs_ros/config" for prefix in package.parents]  # pip, colcon
+    found = (folder / f"{path.stem}.yaml" for folder in folders)
+    return next((file for file in found if file.is_file()), path)
+
+
+def configuration_from_mapping(mapping: Mapping[str, Any], source: str) -> Configuration:
+    """Check all parameters, alone and against each other.
+
+    Parameters
+    ----------
+    mapping : mapping
+        Parameters by dotted key or nested, those of the node included (see `ctcbs_ros.schema`).
+    source : str
+        Where they come from, for errors.
+
+    Raises
+    ------
+    InputError
+        If any is missing, unknown, of the wrong type, out of range or contradicts another.
+    """
+    values = checked_parameters(mapping, source)
+
+    def section(name: str) -> dict[str, Any]:
+        return {
+            key.removeprefix(f"{name}."): value
+            for key, value in values.items()
+            if key.startswith(f"{name}.")
+        }
+
+    _refuse_wrong_air(values, source)
+    density = values["air.density"]
+    configuration = Configuration(
+        cable=Cable(**section("cable")),
+        end_mass=EndMass(**section("end_mass")),
+        air=Air(values["air.model"], nan if density is None else density),
+        envelope=Envelope(**section("envelope")),
+        limits=WarningLimits(**section("limits"), ground_level_amsl=values["ground.level_amsl"]),
+        source=source,
+    )
+    _refuse_contradictions(configuration)
+    return configuration
+
+
+def configuration_hash(configuration: Configuration) -> str:
+    """SHA-256 of all that changes the physics: cable, end mass, air and envelope.
+
+    Limits and source do not count. Stable across runs and machines.
+    """
+    everything = asdict(configuration)
+    physics = {name: everything[name] for name in PHYSICS}
+    return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()
+
+
+def _refuse_wrong_air(values: dict[str, Any], source: str) -> None:
+    constant = values["air.model"] == "constant"
+    if constant and values["air.density"] is None:
+        raise InputError(
+            f"{source}: air.density is missing: air.model constant needs it; "
+            "give it in kg/m^3, or set air.model to standard_atmosphere"
+        )
+    if not constant and values["air.density"] is not None:
+        raise InputError(
+            f"{source}: air.density = {values['air.density']!r} contradicts air.model = "
+            "'standard_atmosphere', which sets it by altitude: remove one of them"
+        )
+
+
+def _refuse_contradictions(configuration: Configuration) -> None:
+    """Raise InputError where values that are each in range cannot be true together."""
+    source, cable, end_mass = configuration.source, configuration.cable, configuration.end_mass
+    air_density = configuration.air.density_at(0.0)  # standard: sea level, where it is greatest
+
+    lifted = air_density * end_mass.displaced_volume
+    if lifted >= end_mass.mass:
+        raise InputError(
+            f"{source}: end_mass.displaced_volume = {end_mass.displaced_volume!r}: displaces "
+            f"{lifted:.6g} kg of air; must be less than end_mass.mass = {end_mass.mass!r} kg"
+        )
+    if cable.density <= air_density:
+        raise InputError(
+            f"{source}: cable.density = {cable.density!r}: must be greater than the density of "
+            f"the air, {air_density:.6g} kg/m^3: the cable would float"
+        )
+    weight = GRAVITY * (end_mass.mass + cable.mass_per_length * cable.length)
+    if cable.breaking_tension <= weight:
+        raise InputError(
+            f"{source}: cable.breaking_tension = {cable.breaking_tension!r}: must be greater than "
+            f"the weight of end mass and cable, {weight:.6g} N"
+        )

@@ -1,0 +1,143 @@
+"""Reading a ROS parameter file, with or without ROS, to the same values.
+
+The file is composed to YAML nodes only, nothing is constructed from tags; what a plain scalar
+means is decided here as ROS's own parser (rcl_yaml_param_parser) decides it, which differs from
+YAML 1.1: `2.0e9` is a number, `1:30` and `1_000` are text, `y` and `on` are true.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ctcbs_ros.errors import InputError
+
+SIZE_LIMIT = 1_000_000  # bytes; a real file has a few thousand
+
+TRUE = {"Y", "y", "yes", "Yes", "YES", "true", "True", "TRUE", "on", "On", "ON"}
+FALSE = {"N", "n", "no", "No", "NO", "false", "False", "FALSE", "off", "Off", "OFF"}
+EMPTY = {"", "~", "null", "Null", "NULL"}
+# C's strtol with base 0 and strtod, which ROS calls: 0x10 is 16, 010 is 8, 08 is 8.0.
+INTEGER = re.compile(r"[-+]?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)")
+FLOAT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+NOT_FINITE = re.compile(r"[-+]?(\.?(inf|nan)|infinity)", re.IGNORECASE)
+
+
+class _Composer(yaml.BaseLoader):
+    """Composes nodes without resolving scalars, and refuses aliases as ROS does."""
+
+    def compose_node(self, parent: Any, index: Any) -> yaml.Node:
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.composer.ComposerError(
+                None, None, "aliases are not allowed", self.peek_event().start_mark
+            )
+        return super().compose_node(parent, index)
+
+
+def read_parameter_file(path: str | Path) -> dict[str, Any]:
+    """Read the parameters under `/**: ros__parameters:`.
+
+    Returns
+    -------
+    dict
+        The nested mapping as written: bool, int, float, str, None, lists and dicts; unchecked.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is over 1 MB, not UTF-8, not YAML, has a key twice, or has
+        anything but `/**:` with `ros__parameters:` at its top.
+    """
+    try:
+        with open(path, "rb") as file:
+            raw = file.read(SIZE_LIMIT + 1)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    if len(raw) > SIZE_LIMIT:
+        raise InputError(f"{path}: larger than 1 MB: not a parameter file")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from None
+
+    document = _parse(text, path)
+    if document is None:
+        raise InputError(f"{path}: empty: must hold parameters under '/**:' and 'ros__parameters:'")
+    for name in ("/**", "ros__parameters"):
+        if not isinstance(document, dict) or list(document) != [name]:
+            found = f", not {_listed(document)}" if isinstance(document, dict) else ""
+            raise InputError(
+                f"{path}: must hold '/**:' alone, under it 'ros__parameters:' alone, "
+                f"and under that the parameters; '{name}:' was expected{found}"
+            )
+        document = document[name]
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: no parameters under 'ros__parameters:'")
+    return document
+
+
+def _listed(names: dict[str, Any]) -> str:
+    shown = ", ".join(repr(name[:40]) for name in list(names)[:3])
+    return shown + (", ..." if len(names) > 3 else "")
+
+
+def _parse(text: str, path: str | Path) -> Any:
+    try:
+        root = yaml.compose(text, Loader=_Composer)
+        return None if root is None else _value(root)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        raise InputError(
+            f"{path}: line {mark.line + 1}, column {mark.column + 1}: not valid: {error.problem}"
+        ) from None
+    except yaml.reader.ReaderError as error:
+        raise InputError(
+            f"{path}: not text: character #x{error.character:04x} at {error.position}"
+        ) from None
+    except RecursionError:
+        raise InputError(f"{path}: nested too deeply: not a parameter file") from None
+
+
+def _value(node: yaml.Node) -> Any:
+    if not node.tag.startswith("tag:yaml.org,2002:"):
+        raise yaml.composer.ComposerError(None, None, "tags are not allowed", node.start_mark)
+    if isinstance(node, yaml.SequenceNode):
+        return [_value(item) for item in node.value]
+    if isinstance(node, yaml.MappingNode):
+        mapping: dict[str, Any] = {}
+        for key, value in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise yaml.composer.ComposerError(
+                    None, None, "a key must be a name", key.start_mark
+                )
+            if key.value in mapping:
+                raise yaml.composer.ComposerError(
+                    None, None, f"{key.value[:40]!r} is given twice", key.start_mark
+                )
+            mapping[key.value] = _value(value)
+        return mapping
+    return _plain_scalar(node.value) if node.style is None else node.value
+
+
+def _plain_scalar(text: str) -> bool | int | float | str | None:
+    if text in EMPTY:
+        return None
+    if text in TRUE:
+        return True
+    if text in FALSE:
+        return False
+    if INTEGER.fullmatch(text):
+        digits = text.lstrip("+-")
+        base = 16 if digits[:2] in ("0x", "0X") else 8 if digits[0] == "0" else 10
+        if len(digits) < 64:
+            number = int(text, base)
+            if -(2**63) <= number < 2**63:
+                return number
+    if NOT_FINITE.fullmatch(text):
+        return float(text.replace(".", ""))
+    if FLOAT.fullmatch(text):
+        return float(text)
+    return text

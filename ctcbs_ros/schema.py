@@ -1,0 +1,345 @@
+"""Every parameter of the package in one table, and the check of a value against it.
+
+The YAML files, the command line and the node's parameter descriptors all follow from `PARAMETERS`.
+"""
+
+import array
+import difflib
+import reprlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, isinf, isnan, nan
+from typing import Any
+
+from ctcbs_ros.errors import InputError
+
+# Parameters that ROS itself gives every node; a parameter file may set them, they are not ours.
+ROS_PARAMETERS = ("use_sim_time", "start_type_description_service")
+ROS_PREFIXES = ("qos_overrides.",)
+
+_short = reprlib.Repr()  # a value as an error shows it: on one line, and no longer than one
+_short.maxstring = _short.maxother = 80
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterSpec:
+    """One parameter.
+
+    Attributes
+    ----------
+    key : str
+        Dotted name, as ROS has it: "cable.length".
+    type : type
+        float, int, bool, str, or list for the two ends of a range (two floats, the lower first).
+    unit : str
+        Unit, "" for a pure number or text.
+    meaning : str
+        One phrase.
+    default : object
+        Value where the user gives none; None stands for no value at all.
+    required : bool
+        Whether the user must give it.
+    minimum, maximum : float
+        Allowed range, both ends included; for a list, of each of its two numbers.
+    infinite, missing : bool
+        Whether inf, or nan for "not known", is allowed besides the range.
+    choices : tuple of str
+        The allowed texts; empty for any.
+    runtime : bool
+        Whether the running node accepts a change.
+    """
+
+    key: str
+    type: type
+    unit: str = ""
+    meaning: str
+    default: Any = None
+    required: bool = False
+    minimum: float = -inf
+    maximum: float = inf
+    infinite: bool = False
+    missing: bool = False
+    choices: tuple[str, ...] = ()
+    runtime: bool = False
+
+    @property
+    def allowed(self) -> str:
+        """What may stand here, in words: "a number from 0.01 to 50000 m"."""
+        if self.type is bool:
+            return "true or false"
+        if self.type is str:
+            return " or ".join(repr(choice) for choice in self.choices) or "text"
+        kind = {float: "a number", int: "a whole number", list: "[min, max], two numbers"}[self.type]
+        text = f"{kind} from {self.minimum:g} to {self.maximum:g} {self.unit}".rstrip()
+        return text + (", or .inf" if self.infinite else "") + (", or .nan" if self.missing else "")
+
+    @property
+    def description(self) -> str:
+        """Meaning, unit and default in one line, for a parameter descriptor."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        if self.required:
+            return f"{self.meaning}{unit}; required"
+        return f"{self.meaning}{unit}" + ("" if self.default is None else f"; default {self.default}")
+
+    def check(self, value: Any, source: str) -> Any:
+        """Return `value` if it may stand here (a list as a tuple).
+
+        Raises
+        ------
+        InputError
+            Naming source, key, value and what is allowed.
+        """
+        if self.type is list:
+            return self._check_pair(value, source)
+        if type(value) is not self.type:
+            hint = ""
+            if self.type is float and type(value) is int:
+                hint = f"; write {_short.repr(value)}.0 (ROS rejects a whole number here)"
+            elif value is None:
+                raise InputError(f"{source}: {self.key} has no value: must be {self.allowed}")
+            raise self._refusal(value, source, f" (got {_kind(value)}{hint})")
+        if self.type in (float, int) and not self._in_range(value):
+            raise self._refusal(value, source)
+        if self.choices and value not in self.choices:
+            raise self._refusal(value, source)
+        return value
+
+    def _check_pair(self, value: Any, source: str) -> tuple[float, float]:
+        if not isinstance(value, list | tuple | array.array):
+            raise self._refusal(value, source, f" (got {_kind(value)})")
+        pair = tuple(value)
+        if len(pair) != 2:
+            raise self._refusal(list(pair), source, f" (got {len(pair)})")
+        for number in pair:
+            if type(number) is not float:
+                hint = "; write it with a decimal point" if type(number) is int else ""
+                raise self._refusal(list(pair), source, f" (got {_kind(number)} in it{hint})")
+            if not self._in_range(number):
+                raise self._refusal(list(pair), source)
+        if not pair[0] < pair[1]:
+            raise self._refusal(list(pair), source, " and the first below the second")
+        return pair
+
+    def _in_range(self, number: float) -> bool:
+        if isnan(number):
+            return self.missing
+        if isinf(number):
+            return self.infinite and number > 0
+        return self.minimum <= number <= self.maximum
+
+    def _refusal(self, value: Any, source: str, remark: str = "") -> InputError:
+        shown = _short.repr(value)
+        return InputError(f"{source}: {self.key} = {shown}: must be {self.allowed}{remark}")
+
+
+def _kind(value: Any) -> str:
+    """The YAML name of a value's type."""
+    names = {
+        bool: "true/false", int: "a whole number", float: "a number", str: "text", list: "a list",
+        dict: "a mapping", type(None): "no value",
+    }  # fmt: skip
+    return names.get(type(value), type(value).__name__)
+
+
+PARAMETERS: tuple[ParameterSpec, ...] = (
+    ParameterSpec(
+        key="cable.length", type=float, unit="m", required=True, runtime=True,
+        minimum=0.01, maximum=50_000.0, meaning="unstretched length of the cable paid out",
+    ),
+    ParameterSpec(
+        key="cable.diameter", type=float, unit="m", required=True,
+        minimum=1e-6, maximum=0.1, meaning="diameter of the cable, for its drag and its section",
+    ),
+    ParameterSpec(
+        key="cable.density", type=float, unit="kg/m^3", required=True,
+        minimum=100.0, maximum=25_000.0, meaning="mass of the cable over the volume of its section",
+    ),
+    ParameterSpec(
+        key="cable.youngs_modulus", type=float, unit="Pa", required=True,
+        minimum=1e6, maximum=1e12, infinite=True,
+        meaning="Young's modulus on the full section; .inf for an inextensible cable",
+    ),
+    ParameterSpec(
+        key="cable.drag_coefficient", type=float, required=True,
+        minimum=1e-3, maximum=5.0, meaning="drag coefficient of the cable in cross flow",
+    ),
+    ParameterSpec(
+        key="cable.axial_damping", type=float, unit="s", default=0.0,
+        minimum=0.0, maximum=100.0,
+        meaning="damping of stretching: tension over EA and rate of strain",
+    ),
+    ParameterSpec(
+        key="cable.breaking_tension", type=float, unit="N", default=inf,
+        minimum=1e-3, maximum=1e7, infinite=True, meaning="tension at which the cable breaks",
+    ),
+    ParameterSpec(
+        key="end_mass.mass", type=float, unit="kg", required=True, runtime=True,
+        minimum=1e-6, maximum=1e5, meaning="mass of the end mass",
+    ),
+    ParameterSpec(
+        key="end_mass.frontal_area", type=float, unit="m^2", required=True,
+        minimum=0.0, maximum=1000.0, meaning="frontal area of the end mass, drogue included",
+    ),
+    ParameterSpec(
+        key="end_mass.drag_coefficient", type=float, required=True,
+        minimum=0.0, maximum=5.0, meaning="drag coefficient of the end mass",
+    ),
+    ParameterSpec(
+        key="end_mass.displaced_volume", type=float, unit="m^3", default=0.0,
+        minimum=0.0, maximum=1000.0, meaning="volume of air displaced by the end mass (buoyancy)",
+    ),
+    ParameterSpec(
+        key="air.model", type=str, default="constant",
+        choices=("constant", "standard_atmosphere"),
+        meaning="air density: air.density, or the ICAO standard atmosphere at the tow point",
+    ),
+    ParameterSpec(
+        key="air.density", type=float, unit="kg/m^3",
+        minimum=1e-4, maximum=2000.0,
+        meaning="density of the air; needed with air.model constant, and only there",
+    ),
+    ParameterSpec(
+        key="envelope.radius", type=list, unit="m", required=True,
+        minimum=0.01, maximum=20_000.0, meaning="range of tow radius flown, covered by the table",
+    ),
+    ParameterSpec(
+        key="envelope.speed", type=list, unit="m/s", required=True,
+        minimum=0.01, maximum=400.0, meaning="range of tow speed flown, covered by the table",
+    ),
+    ParameterSpec(
+        key="limits.low_margin_per_s", type=float, unit="1/s", default=0.05, runtime=True,
+        minimum=0.0, maximum=100.0,
+        meaning="warn LOW_MARGIN below this decay rate of the least damped mode",
+    ),
+    ParameterSpec(
+        key="limits.near_jump", type=float, default=0.1, runtime=True,
+        minimum=0.0, maximum=10.0,
+        meaning="warn NEAR_JUMP when a smaller relative change of angular rate leads to a jump",
+    ),
+    ParameterSpec(
+        key="limits.tension_fraction", type=float, default=0.5, runtime=True,
+        minimum=0.01, maximum=1.0,
+        meaning="warn TENSION_LIMIT above this fraction of cable.breaking_tension",
+    ),
+    ParameterSpec(
+        key="limits.minimum_height", type=float, unit="m", default=20.0, runtime=True,
+        minimum=0.0, maximum=20_000.0,
+        meaning="warn GROUND_PROXIMITY when the end mass is lower than this above the ground",
+    ),
+    ParameterSpec(
+        key="limits.stale_after", type=float, unit="s", default=2.0, runtime=True,
+        minimum=0.1, maximum=3600.0, meaning="warn STALE_TELEMETRY after this time without a sample",
+    ),
+    ParameterSpec(
+        key="ground.level_amsl", type=float, unit="m", default=nan, missing=True,
+        minimum=-500.0, maximum=9000.0,
+        meaning="height of the ground above mean sea level; .nan takes home as the ground",
+    ),
+    ParameterSpec(
+        key="table.file", type=str, default="",
+        meaning="file of the continuation table; empty for one in the user's cache",
+    ),
+    ParameterSpec(
+        key="mavlink.url", type=str, default="",
+        meaning="MAVLink source: udpin:, udpout:, tcp:, serial device or log; empty for ROS topics",
+    ),
+    ParameterSpec(
+        key="mavlink.baud", type=int, unit="baud", default=57_600,
+        minimum=300, maximum=4_000_000, meaning="rate of a serial MAVLink link",
+    ),
+    ParameterSpec(
+        key="mavlink.system", type=int, default=0,
+        minimum=0, maximum=255, meaning="MAVLink system id of the tow aircraft; 0 for the first",
+    ),
+    ParameterSpec(
+        key="mavlink.component", type=int, default=0,
+        minimum=0, maximum=255, meaning="MAVLink component id; 0 for the vehicle's autopilot",
+    ),
+    ParameterSpec(
+        key="replay.rate", type=float, default=0.0,
+        minimum=0.0, maximum=1000.0,
+        meaning="speed of a log over the clock's; 0 as fast as it goes; of no effect on a live link",
+    ),
+    ParameterSpec(
+        key="replay.wait_for_subscribers", type=float, unit="s", default=5.0,
+        minimum=0.0, maximum=3600.0,
+        meaning="how long a log waits at its start for a subscriber of the end mass's pose",
+    ),
+    ParameterSpec(
+        key="replay.exit_at_end", type=bool, default=False,
+        meaning="whether the node ends when its log does",
+    ),
+    ParameterSpec(
+        key="frame_id", type=str, default="map", meaning="frame of what is published (ENU)",
+    ),
+    ParameterSpec(
+        key="diagnostics.period", type=float, unit="s", default=1.0,
+        minimum=0.05, maximum=60.0, meaning="time between two messages on /diagnostics",
+    ),
+    ParameterSpec(
+        key="publish_cable", type=bool, default=True,
+        meaning="whether the markers of cable and circles are published",
+    ),
+)  # fmt: skip
+
+BY_KEY = {spec.key: spec for spec in PARAMETERS}
+
+
+def checked_parameters(mapping: Mapping[str, Any], source: str) -> dict[str, Any]:
+    """Check each parameter alone and fill in the defaults.
+
+    Parameters
+    ----------
+    mapping : mapping
+        Parameters by dotted key, by nested mappings, or both mixed.
+    source : str
+        Where they come from, for the error: a file's path or a node's name.
+
+    Returns
+    -------
+    dict
+        A value for every key of `PARAMETERS`; None where there is none and none is required.
+
+    Raises
+    ------
+    InputError
+        For an unknown or missing key, or a value that `ParameterSpec.check` refuses.
+    """
+    given = {
+        key: value
+        for key, value in _flattened(mapping, source, "").items()
+        if key not in ROS_PARAMETERS and not key.startswith(ROS_PREFIXES)
+    }
+    for key in given:
+        if key not in BY_KEY:
+            raise InputError(f"{source}: unknown parameter {_short.repr(key)}{_nearest(key)}")
+    checked = {}
+    for spec in PARAMETERS:
+        if spec.key in given:
+            checked[spec.key] = spec.check(given[spec.key], source)
+        elif spec.required:
+            raise InputError(f"{source}: {spec.key} is missing: must be {spec.allowed}")
+        else:
+            checked[spec.key] = spec.default
+    return checked
+
+
+def _flattened(mapping: Mapping[str, Any], source: str, prefix: str) -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in mapping.items():
+        key = f"{prefix}{name}"
+        inner = (
+            _flattened(value, source, f"{key}.")
+            if isinstance(value, Mapping) and key not in BY_KEY
+            else {key: value}
+        )
+        twice = flat.keys() & inner.keys()
+        if twice:
+            raise InputError(f"{source}: {_short.repr(min(twice))} is given twice")
+        flat.update(inner)
+    return flat
+
+
+def _nearest(key: str) -> str:
+    near = difflib.get_close_matches(key, BY_KEY, n=1)
+    return f" (did you mean {near[0]}?)" if near else f"; known are {', '.join(BY_KEY)}"
