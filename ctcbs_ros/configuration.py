@@ -186,11 +186,10 @@ def configuration_from_mapping(mapping: Mapping[str, Any], source: str) -> Confi
         }
 
     _refuse_wrong_air(values, source)
-    density = values["air.density"]
     configuration = Configuration(
         cable=Cable(**section("cable")),
         end_mass=EndMass(**section("end_mass")),
-        air=Air(values["air.model"], nan if density is None else density),
+        air=Air(**section("air")),
         envelope=Envelope(**section("envelope")),
         limits=WarningLimits(**section("limits"), ground_level_amsl=values["ground.level_amsl"]),
         source=source,
@@ -211,12 +210,12 @@ def configuration_hash(configuration: Configuration) -> str:
 
 def _refuse_wrong_air(values: dict[str, Any], source: str) -> None:
     constant = values["air.model"] == "constant"
-    if constant and values["air.density"] is None:
+    if constant and "air.density" not in values:
         raise InputError(
             f"{source}: air.density is missing: air.model constant needs it; "
             "give it in kg/m^3, or set air.model to standard_atmosphere"
         )
-    if not constant and values["air.density"] is not None:
+    if not constant and "air.density" in values:
         raise InputError(
             f"{source}: air.density = {values['air.density']!r} contradicts air.model = "
             "'standard_atmosphere', which sets it by altitude: remove one of them"

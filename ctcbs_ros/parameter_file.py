@@ -6,6 +6,7 @@ YAML 1.1: `2.0e9` is a number, `1:30` and `1_000` are text, `y` and `on` are tru
 """
 
 import re
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +22,23 @@ EMPTY = {"", "~", "null", "Null", "NULL"}
 # C's strtol with base 0 and strtod, which ROS calls: 0x10 is 16, 010 is 8, 08 is 8.0.
 INTEGER = re.compile(r"[-+]?(0[xX][0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)")
 FLOAT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
-NOT_FINITE = re.compile(r"[-+]?(\.?(inf|nan)|infinity)", re.IGNORECASE)
+NOT_FINITE = re.compile(r"[-+]?(\.inf|\.Inf|\.INF|(?i:inf|infinity|nan))|\.nan|\.NaN|\.NAN")
 
 
 class _Composer(yaml.BaseLoader):
-    """Composes nodes without resolving scalars, and refuses aliases as ROS does."""
+    """Composes nodes without resolving scalars, and refuses aliases (as ROS does) and tags."""
 
     def compose_node(self, parent: Any, index: Any) -> yaml.Node:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.composer.ComposerError(
-                None, None, "aliases are not allowed", self.peek_event().start_mark
-            )
+        event = self.peek_event()
+        if isinstance(event, yaml.AliasEvent):
+            raise _error("aliases are not allowed", event)
+        if event.tag is not None:
+            raise _error("tags are not allowed", event)
         return super().compose_node(parent, index)
+
+
+def _error(problem: str, place: yaml.Event | yaml.Node) -> yaml.MarkedYAMLError:
+    return yaml.composer.ComposerError(None, None, problem, place.start_mark)
 
 
 def read_parameter_file(path: str | Path) -> dict[str, Any]:
@@ -102,24 +108,18 @@ def _parse(text: str, path: str | Path) -> Any:
 
 
 def _value(node: yaml.Node) -> Any:
-    if not node.tag.startswith("tag:yaml.org,2002:"):
-        raise yaml.composer.ComposerError(None, None, "tags are not allowed", node.start_mark)
     if isinstance(node, yaml.SequenceNode):
         return [_value(item) for item in node.value]
-    if isinstance(node, yaml.MappingNode):
-        mapping: dict[str, Any] = {}
-        for key, value in node.value:
-            if not isinstance(key, yaml.ScalarNode):
-                raise yaml.composer.ComposerError(
-                    None, None, "a key must be a name", key.start_mark
-                )
-            if key.value in mapping:
-                raise yaml.composer.ComposerError(
-                    None, None, f"{key.value[:40]!r} is given twice", key.start_mark
-                )
-            mapping[key.value] = _value(value)
-        return mapping
-    return _plain_scalar(node.value) if node.style is None else node.value
+    if isinstance(node, yaml.ScalarNode):
+        return _plain_scalar(node.value) if node.style is None else node.value
+    mapping: dict[str, Any] = {}
+    for key, value in node.value:
+        if not isinstance(key, yaml.ScalarNode):
+            raise _error("a key must be a name", key)
+        if key.value in mapping:
+            raise _error(f"{key.value[:40]!r} is given twice", key)
+        mapping[key.value] = _value(value)
+    return mapping
 
 
 def _plain_scalar(text: str) -> bool | int | float | str | None:
@@ -129,15 +129,13 @@ def _plain_scalar(text: str) -> bool | int | float | str | None:
         return True
     if text in FALSE:
         return False
-    if INTEGER.fullmatch(text):
-        digits = text.lstrip("+-")
-        base = 16 if digits[:2] in ("0x", "0X") else 8 if digits[0] == "0" else 10
-        if len(digits) < 64:
-            number = int(text, base)
-            if -(2**63) <= number < 2**63:
-                return number
+    if INTEGER.fullmatch(text) and len(text) < 64:
+        digits = text.lstrip("+-").lower()
+        base = 16 if digits.startswith("0x") else 8 if digits.startswith("0") else 10
+        number = int(text, base)
+        return number if -(2**63) <= number < 2**63 else float(number)
     if NOT_FINITE.fullmatch(text):
         return float(text.replace(".", ""))
-    if FLOAT.fullmatch(text):
+    if FLOAT.fullmatch(text) and isfinite(float(text)):  # ROS too takes 1e999 for text
         return float(text)
     return text

@@ -94,7 +94,7 @@ class ParameterSpec:
         if type(value) is not self.type:
             hint = ""
             if self.type is float and type(value) is int:
-                hint = f"; write {_short.repr(value)}.0 (ROS rejects a whole number here)"
+                hint = f"; write {_short.repr(value)}.0"
             elif value is None:
                 raise InputError(f"{source}: {self.key} has no value: must be {self.allowed}")
             raise self._refusal(value, source, f" (got {_kind(value)}{hint})")
@@ -298,7 +298,7 @@ def checked_parameters(mapping: Mapping[str, Any], source: str) -> dict[str, Any
     Returns
     -------
     dict
-        A value for every key of `PARAMETERS`; None where there is none and none is required.
+        A value for every key of `PARAMETERS` that was given or has a default.
 
     Raises
     ------
@@ -319,7 +319,7 @@ def checked_parameters(mapping: Mapping[str, Any], source: str) -> dict[str, Any
             checked[spec.key] = spec.check(given[spec.key], source)
         elif spec.required:
             raise InputError(f"{source}: {spec.key} is missing: must be {spec.allowed}")
-        else:
+        elif spec.default is not None:
             checked[spec.key] = spec.default
     return checked
 
