@@ -9,8 +9,8 @@ from ctcbs_ros.prediction.codes import SkipCode, Warning
 
 
 @dataclass(frozen=True)
-class SteadyState:
-    """One steady state of the end mass at the orbit flown, in SI units.
+class EndMassState:
+    """A steady state of the end mass at the orbit flown, in SI units.
 
     `phase_lag` [rad, 0..2 pi) is how far the end mass trails the tow point in the sense of
     rotation; tensions in N; `margin` is the decay rate of the least damped mode per radian of orbit
@@ -65,7 +65,7 @@ class EndMass:
 
     Attributes
     ----------
-    state : SteadyState
+    state : EndMassState
     branch : str
         Name of the branch, e.g. "main" (see `ctcbs_ros.prediction.branch`).
     position : (3,) ndarray
@@ -86,7 +86,7 @@ class EndMass:
         Seconds until a small disturbance has decayed to 5 %; inf if it does not.
     nearest_loss : str
         "divergence" or "flutter": the way in which the least damped mode would lose stability.
-    others : tuple of SteadyState
+    others : tuple of EndMassState
         The other steady states of the same orbit, in rising radius.
     jump_in_angular_rate, jump_in_speed, jump_in_radius : Jump or None
         Nearest fold in angular rate and in speed (both at this radius), and in radius (at this
@@ -95,7 +95,7 @@ class EndMass:
         "table and Newton", "continuation" or "full solve": how the state was found.
     """
 
-    state: SteadyState
+    state: EndMassState
     branch: str
     position: np.ndarray
     yaw: float
@@ -106,7 +106,7 @@ class EndMass:
     cable: np.ndarray
     settling_time: float
     nearest_loss: str
-    others: tuple[SteadyState, ...]
+    others: tuple[EndMassState, ...]
     jump_in_angular_rate: Jump | None
     jump_in_speed: Jump | None
     jump_in_radius: Jump | None

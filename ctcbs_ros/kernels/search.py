@@ -1,0 +1,268 @@
+"""Search for the end-mass radii whose cable ends on the tow circle, thesis (2.17).
+
+For given parameters the end-mass radius x_d is the only unknown: with u = ln x_d,
+
+    h(u) = x(l)^2 + y(l)^2 - 1 = 0.
+
+h is smooth, so its roots are counted by cubic Hermite interpolation on intervals that are halved
+until the cubic foretells the middle; near an extremum close to zero the extremum itself is located,
+so that two roots about to merge (a fold) are told from none.
+"""
+
+import numpy as np
+from numba import njit
+
+from ctcbs_ros.kernels.trajectory import N_THETA, OK, OMEGA, RHO, X_D, G, D, M, W, integrate
+
+MAX_STEPS = 6000
+# Strain beyond which a linear-elastic cable means nothing; bounds the search, physics.
+MAX_STRAIN = 3.0
+
+
+@njit(cache=True)
+def tow_circle(theta, length, u, tolerance, states, mesh):
+    """Return h(u), dh/du and the status of the integration at ln(end-mass radius) u.
+
+    theta : (8,), its x_d is overwritten; states : (1, 2, 6) and mesh : (MAX_STEPS + 1,), work space.
+    """
+    theta[X_D] = np.exp(u)
+    directions = np.zeros((1, N_THETA))
+    directions[0, X_D] = theta[X_D]
+    nodes = np.array([length])
+    status, _, _ = integrate(theta, directions, nodes, tolerance, MAX_STEPS, states, mesh)
+    x, y = states[0, 0, 0], states[0, 0, 1]
+    h = x * x + y * y - 1.0
+    slope = 2.0 * (x * states[0, 1, 0] + y * states[0, 1, 1])
+    if status == OK and not (np.isfinite(h) and np.isfinite(slope)):
+        status = 2
+    return h, slope, status
+
+
+@njit(cache=True)
+def largest_radius(theta, length):
+    """Bound the end-mass radius: one cable length, stretched, beyond the tow circle."""
+    o2 = theta[OMEGA] ** 2
+    x = 1.0 + length * (1.0 + MAX_STRAIN)
+    if theta[G] == 0.0:
+        return 1.0 + length
+    for _ in range(50):
+        # Tension at the mass, and by (2.18) nowhere more than what gravity and rotation add.
+        p = np.sqrt((o2 * theta[M] * x) ** 2 + (o2 * theta[D] * x * x) ** 2 + theta[W] ** 2)
+        p += abs(theta[RHO]) * x + 0.5 * o2 * x * x
+        tighter = 1.0 + length * (1.0 + min(MAX_STRAIN, theta[G] * p))
+        if tighter > 0.999 * x:
+            break
+        x = tighter
+    return x
+
+
+@njit(cache=True)
+def smallest_radius(theta, length, tolerance, states, mesh):
+    """Bound the end-mass radius from below: where the cable is still linear and ends far inside.
+
+    Drag is quadratic, so that for a small enough radius the tow point's distance from the axis is
+    proportional to it; if it is then well inside the tow circle, no smaller radius reaches it.
+    """
+    u = np.log(1e-2)
+    h, slope, status = tow_circle(theta, length, u, tolerance, states, mesh)
+    for _ in range(40):
+        linear = abs(slope - 2.0 * (h + 1.0)) < 0.2 * (h + 1.0) or h + 1.0 < 1e-12
+        if status == OK and h < -0.8 and linear:
+            break
+        u -= 1.0
+        h, slope, status = tow_circle(theta, length, u, tolerance, states, mesh)
+    return u
+
+
+@njit(cache=True)
+def polish(theta, length, low, high, sign_low, tolerance, states, mesh):
+    """Root of h in [low, high] by Newton's method, kept inside the shrinking bracket."""
+    u = 0.5 * (low + high)
+    iterations = 0
+    for _ in range(60):
+        h, slope, status = tow_circle(theta, length, u, tolerance, states, mesh)
+        iterations += 1
+        if status != OK:
+            return u, iterations, False
+        if h * sign_low > 0.0:
+            low = u
+        else:
+            high = u
+        step = -h / slope if slope != 0.0 else np.inf
+        if abs(h) < 1e-14 or abs(step) < 1e-13 or high - low < 1e-14:
+            return u, iterations, True
+        inside = low < u + step < high
+        if inside and abs(step) < 1e-11:
+            return u + step, iterations, True
+        u = u + step if inside else 0.5 * (low + high)
+    return u, iterations, False
+
+
+@njit(cache=True)
+def correct(theta, length, u, tolerance, max_iterations, max_step):
+    """Newton's method for h(u) = 0 from a guess near the root, the corrector in flight.
+
+    Returns
+    -------
+    u : float
+        ln(end-mass radius).
+    iterations : int
+    converged : bool
+        Last step below 1e-11, and no step longer than `max_step`.
+    slope : float
+        dh/du at the root; its sign tells on which side of a fold the state lies.
+    """
+    states = np.empty((1, 2, 6))
+    mesh = np.empty(MAX_STEPS + 1)
+    slope = 0.0
+    for i in range(max_iterations):
+        h, slope, status = tow_circle(theta, length, u, tolerance, states, mesh)
+        if status != OK or slope == 0.0:
+            return u, i + 1, False, slope
+        step = -h / slope
+        if abs(step) > max_step:
+            return u, i + 1, False, slope
+        u += step
+        # Newton's error squares: a step of 1e-6 leaves less than the integration's own error.
+        if abs(step) < 1e-6:
+            return u, i + 1, abs(h) < 1e-4, slope
+    return u, max_iterations, False, slope
+
+
+@njit(cache=True)
+def _hermite(a, b, ha, da, hb, db, u):
+    """Cubic Hermite interpolant and its slope at u."""
+    w = b - a
+    x = (u - a) / w
+    h = (
+        (1.0 + 2.0 * x) * (1.0 - x) ** 2 * ha
+        + x * (1.0 - x) ** 2 * w * da
+        + x * x * (3.0 - 2.0 * x) * hb
+        - x * x * (1.0 - x) * w * db
+    )
+    slope = (
+        6.0 * x * (x - 1.0) * (ha - hb) / w
+        + (1.0 - x) * (1.0 - 3.0 * x) * da
+        - x * (2.0 - 3.0 * x) * db
+    )
+    return h, slope
+
+
+@njit(cache=True)
+def _extremum(theta, length, a, b, da, tolerance, states, mesh):
+    """Locate the extremum of h between a and b, where its slope changes sign; stop once h crosses."""
+    low, high = a, b
+    u, h = 0.5 * (a + b), 0.0
+    for _ in range(60):
+        u = 0.5 * (low + high)
+        h, slope, _ = tow_circle(theta, length, u, tolerance, states, mesh)
+        # slope da at a points toward zero: past zero means that two roots have been separated
+        if h * da > 0.0 or high - low < 1e-10:
+            break
+        if slope * da > 0.0:
+            low = u
+        else:
+            high = u
+    return u, h
+
+
+@njit(cache=True)
+def all_roots(theta, length, scan_tolerance, tolerance, roots):
+    """Find every root of h, in rising order.
+
+    Parameters
+    ----------
+    theta : (8,) array
+        Parameters; x_d is overwritten.
+    length : float
+    scan_tolerance, tolerance : float
+        Of the integration while searching and while polishing.
+    roots : (n,) array, written
+        ln(end-mass radius).
+
+    Returns
+    -------
+    count : int
+        Number of roots written.
+    evaluations : int
+        Number of integrations while searching.
+    failures : int
+        Integrations that did not finish; roots next to them may be missing.
+    """
+    states = np.empty((1, 2, 6))
+    mesh = np.empty(MAX_STEPS + 1)
+    low = smallest_radius(theta, length, scan_tolerance, states, mesh)
+    # The outermost state is nearly straight and ends at the bound itself.
+    high = np.log(largest_radius(theta, length) * (1.0 + 1e-6))
+    cells = 8
+    count, evaluations, failures = 0, 0, 0
+
+    # A stack of intervals, the leftmost on top.
+    stack = np.empty((400, 7))
+    u1 = high
+    h1, d1, s1 = tow_circle(theta, length, u1, scan_tolerance, states, mesh)
+    top = 0
+    for i in range(cells):
+        u0 = high - (high - low) * (i + 1) / cells
+        h0, d0, s0 = tow_circle(theta, length, u0, scan_tolerance, states, mesh)
+        evaluations += 1
+        if s0 != OK:
+            failures += 1
+        else:
+            if s1 == OK:
+                stack[top, 0], stack[top, 1], stack[top, 2] = u0, h0, d0
+                stack[top, 3], stack[top, 4], stack[top, 5] = u1, h1, d1
+                stack[top, 6] = 0.0
+                top += 1
+        u1, h1, d1, s1 = u0, h0, d0, s0
+
+    while top > 0:
+        top -= 1
+        a, ha, da = stack[top, 0], stack[top, 1], stack[top, 2]
+        b, hb, db = stack[top, 3], stack[top, 4], stack[top, 5]
+        known = stack[top, 6] > 0.0
+        width = b - a
+        split = False
+        middle, hm, dm = 0.0, 0.0, 0.0
+        if not known and width > 1e-7:
+            middle = 0.5 * (a + b)
+            hm, dm, status = tow_circle(theta, length, middle, scan_tolerance, states, mesh)
+            evaluations += 1
+            if status != OK:
+                failures += 1
+                continue
+            guess, slope = _hermite(a, b, ha, da, hb, db, middle)
+            # Far from zero a rough idea of h is enough; the slope guards against a hidden bend.
+            size = max(0.02, 0.1 * min(abs(ha), abs(hm), abs(hb)))
+            split = abs(guess - hm) > 0.2 * size or 0.125 * width * abs(slope - dm) > size
+            stack[top, 0], stack[top, 1], stack[top, 2] = middle, hm, dm
+            stack[top, 3], stack[top, 4], stack[top, 5] = b, hb, db
+            stack[top, 6] = 0.0 if split else 1.0
+            stack[top + 1, 0], stack[top + 1, 1], stack[top + 1, 2] = a, ha, da
+            stack[top + 1, 3], stack[top + 1, 4], stack[top + 1, 5] = middle, hm, dm
+            stack[top + 1, 6] = 0.0 if split else 1.0
+            top += 2
+            continue
+        if ha * hb <= 0.0:
+            if count < roots.shape[0] and ha != 0.0:
+                u, _, good = polish(theta, length, a, b, ha, tolerance, states, mesh)
+                if good:
+                    roots[count] = u
+                    count += 1
+                else:
+                    failures += 1
+            continue
+        if da * ha < 0.0 and db * hb > 0.0:
+            # h bends towards zero in between: does it touch?
+            u, h = _extremum(theta, length, a, b, da, tolerance, states, mesh)
+            evaluations += 1
+            if h * ha < 0.0 and count + 1 < roots.shape[0]:
+                first, _, good1 = polish(theta, length, a, u, ha, tolerance, states, mesh)
+                second, _, good2 = polish(theta, length, u, b, h, tolerance, states, mesh)
+                if good1 and good2:
+                    roots[count] = first
+                    roots[count + 1] = second
+                    count += 2
+                else:
+                    failures += 1
+    return count, evaluations, failures

@@ -1,0 +1,243 @@
+"""The towed cable as an initial-value problem, integrated from the end mass up.
+
+Steady state in the rotating frame, thesis (2.11)-(2.16) with the errata of docs/thesis.md: position
+r and tension vector F = p t (t the unit tangent) along the unstretched arc length s,
+
+    dr/ds = (1 + g p) t                                           g = 1/gamma, 0 if inextensible
+    dF/ds = rho k - omega^2 (x, y, 0) + omega^2 d_n |v_n| v_n     v_n = v - (v.t) t, v = (-y, x, 0)
+    r(0)  = (x_d, 0, 0)
+    F(0)  = (-omega^2 m x_d, omega^2 d x_d^2, w)
+
+|t| = 1 is built in, so x_d alone fixes the whole cable. Derivatives with respect to x_d and to every
+parameter come from the variational equations, integrated beside the state.
+
+The integrator is Dormand and Prince's 8(5,3) pair, its coefficients those of
+scipy.integrate.DOP853 (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5).
+"""
+
+import numpy as np
+from numba import njit
+from scipy.integrate import DOP853
+
+# Columns of `theta`, and the order of all derivatives.
+X_D, OMEGA, M, W, D_N, D, RHO, G = range(8)
+N_THETA = 8
+
+_A = np.ascontiguousarray(DOP853.A)
+_B = np.ascontiguousarray(DOP853.B)
+_E3 = np.ascontiguousarray(DOP853.E3)
+_E5 = np.ascontiguousarray(DOP853.E5)
+_STAGES = DOP853.n_stages
+
+OK, TOO_MANY_STEPS, NOT_FINITE = range(3)
+
+
+@njit(cache=True, fastmath=False)
+def initial_state(theta, directions, y):
+    """Set the state at the end mass, and its derivatives along `directions`, (2.15)-(2.16).
+
+    theta : (8,) parameters in the order of X_D .. G; directions : (k, 8); y : (1 + k, 6), written.
+    """
+    x_d, omega, m, w, d = theta[X_D], theta[OMEGA], theta[M], theta[W], theta[D]
+    o2 = omega * omega
+    y[0, 0] = x_d
+    y[0, 1] = 0.0
+    y[0, 2] = 0.0
+    y[0, 3] = -o2 * m * x_d
+    y[0, 4] = o2 * d * x_d * x_d
+    y[0, 5] = w
+    for j in range(directions.shape[0]):
+        q = directions[j]
+        do2 = 2.0 * omega * q[OMEGA]
+        y[j + 1, 0] = q[X_D]
+        y[j + 1, 1] = 0.0
+        y[j + 1, 2] = 0.0
+        y[j + 1, 3] = -(do2 * m * x_d + o2 * q[M] * x_d + o2 * m * q[X_D])
+        y[j + 1, 4] = (do2 * d + o2 * q[D]) * x_d * x_d + 2.0 * o2 * d * x_d * q[X_D]
+        y[j + 1, 5] = q[W]
+
+
+@njit(cache=True)
+def cable_rhs(theta, directions, y, dy):
+    """Right-hand side of the steady state and of its variational equations.
+
+    theta : (8,); directions : (k, 8); y, dy : (1 + k, 6), dy written.
+    """
+    omega, d_n, rho, g = theta[OMEGA], theta[D_N], theta[RHO], theta[G]
+    o2 = omega * omega
+    px, py = y[0, 0], y[0, 1]
+    p = np.sqrt(y[0, 3] * y[0, 3] + y[0, 4] * y[0, 4] + y[0, 5] * y[0, 5])
+    tx, ty, tz = y[0, 3] / p, y[0, 4] / p, y[0, 5] / p
+    stretch = 1.0 + g * p
+    v_t = -py * tx + px * ty
+    nx, ny, nz = -py - v_t * tx, px - v_t * ty, -v_t * tz
+    speed = np.sqrt(nx * nx + ny * ny + nz * nz)
+    c = o2 * d_n * speed
+    dy[0, 0] = stretch * tx
+    dy[0, 1] = stretch * ty
+    dy[0, 2] = stretch * tz
+    dy[0, 3] = -o2 * px + c * nx
+    dy[0, 4] = -o2 * py + c * ny
+    dy[0, 5] = rho + c * nz
+    for j in range(directions.shape[0]):
+        q = directions[j]
+        do2 = 2.0 * omega * q[OMEGA]
+        ux, uy = y[j + 1, 0], y[j + 1, 1]
+        fx, fy, fz = y[j + 1, 3], y[j + 1, 4], y[j + 1, 5]
+        dp = tx * fx + ty * fy + tz * fz
+        ax, ay, az = (fx - tx * dp) / p, (fy - ty * dp) / p, (fz - tz * dp) / p
+        dstretch = g * dp + q[G] * p
+        dv_t = -uy * tx + ux * ty - py * ax + px * ay
+        mx = -uy - dv_t * tx - v_t * ax
+        my = ux - dv_t * ty - v_t * ay
+        mz = -dv_t * tz - v_t * az
+        # |v_n| v_n is differentiable at v_n = 0, with derivative 0 (erratum to (A.1)).
+        dspeed = (nx * mx + ny * my + nz * mz) / speed if speed > 0.0 else 0.0
+        dc = (do2 * d_n + o2 * q[D_N]) * speed + o2 * d_n * dspeed
+        dy[j + 1, 0] = dstretch * tx + stretch * ax
+        dy[j + 1, 1] = dstretch * ty + stretch * ay
+        dy[j + 1, 2] = dstretch * tz + stretch * az
+        dy[j + 1, 3] = -do2 * px - o2 * ux + dc * nx + c * mx
+        dy[j + 1, 4] = -do2 * py - o2 * uy + dc * ny + c * my
+        dy[j + 1, 5] = q[RHO] + dc * nz + c * mz
+
+
+@njit(cache=True)
+def _stages(theta, directions, y, h, k, scratch):
+    """Fill the stages k[1:] of one step from y (k[0] is the slope there); return the end state."""
+    rows = y.shape[0]
+    for i in range(1, _STAGES):
+        for a in range(rows):
+            for b in range(6):
+                total = 0.0
+                for j in range(i):
+                    total += _A[i, j] * k[j, a, b]
+                scratch[a, b] = y[a, b] + h * total
+        cable_rhs(theta, directions, scratch, k[i])
+    for a in range(rows):
+        for b in range(6):
+            total = 0.0
+            for j in range(_STAGES):
+                total += _B[j] * k[j, a, b]
+            scratch[a, b] = y[a, b] + h * total
+
+
+@njit(cache=True)
+def _step_error(k, y, new, h, tolerance):
+    """Error of a step in units of the tolerance, over the state and its derivatives (DOP853)."""
+    rows = y.shape[0]
+    worst = 0.0
+    for a in range(rows):
+        # A derivative row is judged against its own size: it may be far larger than the state.
+        size_r, size_f = 1e-3, 1e-3
+        for b in range(3):
+            size_r = max(size_r, abs(y[a, b]), abs(new[a, b]))
+            size_f = max(size_f, abs(y[a, 3 + b]), abs(new[a, 3 + b]))
+        e5, e3 = 0.0, 0.0
+        for b in range(6):
+            scale = tolerance * (size_r if b < 3 else size_f)
+            s5, s3 = 0.0, 0.0
+            for j in range(_STAGES + 1):
+                s5 += _E5[j] * k[j, a, b]
+                s3 += _E3[j] * k[j, a, b]
+            e5 += (s5 / scale) ** 2
+            e3 += (s3 / scale) ** 2
+        if e5 > 0.0:
+            worst = max(worst, abs(h) * e5 / np.sqrt((e5 + 0.01 * e3) * 6.0))
+        if not np.isfinite(e5):
+            return np.inf
+    return worst
+
+
+@njit(cache=True)
+def integrate(theta, directions, nodes, tolerance, max_steps, states, mesh):
+    """Integrate from the end mass (s = 0) through every node, with step control.
+
+    Parameters
+    ----------
+    theta : (8,) array
+    directions : (k, 8) array
+        Directions in parameter space along which the state is differentiated.
+    nodes : (n,) array
+        Rising arc lengths, the last one the tow point.
+    tolerance : float
+        Local error allowed in a step, relative to the size of the state.
+    max_steps : int
+    states : (n, 1 + k, 6) array, written
+        State and derivatives at the nodes.
+    mesh : (max_steps + 1,) array, written
+        Ends of the accepted steps.
+
+    Returns
+    -------
+    status : int
+        OK, TOO_MANY_STEPS or NOT_FINITE.
+    steps : int
+        Number of accepted steps.
+    least_tension : float
+        Least tension at the ends of the steps.
+    """
+    rows = 1 + directions.shape[0]
+    y = np.empty((rows, 6))
+    scratch = np.empty((rows, 6))
+    k = np.empty((_STAGES + 1, rows, 6))
+    initial_state(theta, directions, y)
+    cable_rhs(theta, directions, y, k[0])
+    s = 0.0
+    mesh[0] = 0.0
+    length = nodes[-1]
+    p0 = np.sqrt(y[0, 3] ** 2 + y[0, 4] ** 2 + y[0, 5] ** 2)
+    least = p0
+    # The tangent turns at a rate of |dF/ds| / p: a first step of a tenth of that radius.
+    turn = np.sqrt(k[0, 0, 3] ** 2 + k[0, 0, 4] ** 2 + k[0, 0, 5] ** 2) / p0
+    h = min(length / 8.0, 0.3 / turn if turn > 0.0 else length)
+    steps = 0
+    tries = 0
+    for i in range(nodes.shape[0]):
+        while s < nodes[i]:
+            tries += 1
+            if steps >= max_steps or tries > 4 * max_steps:
+                return TOO_MANY_STEPS, steps, least
+            left = nodes[i] - s
+            last = h >= left * (1.0 - 1e-12)
+            step = left if last else h
+            _stages(theta, directions, y, step, k, scratch)
+            cable_rhs(theta, directions, scratch, k[_STAGES])
+            error = _step_error(k, y, scratch, step, tolerance)
+            if not np.isfinite(error):
+                h = 0.1 * step
+                if h < 1e-12 * length:
+                    return NOT_FINITE, steps, least
+                continue
+            factor = 6.0 if error == 0.0 else min(6.0, max(0.2, 0.9 * error ** (-0.125)))
+            if error > 1.0:
+                h = step * min(1.0, factor)
+                continue
+            # A step cut short by a node says nothing against the longer one tried before.
+            h = max(h, step * factor) if last else step * factor
+            s = nodes[i] if last else s + step
+            y[:] = scratch
+            k[0] = k[_STAGES]
+            p = np.sqrt(y[0, 3] ** 2 + y[0, 4] ** 2 + y[0, 5] ** 2)
+            least = min(least, p)
+            steps += 1
+            mesh[steps] = s
+        states[i] = y
+    return OK, steps, least
+
+
+@njit(cache=True)
+def integrate_halved(theta, mesh, steps):
+    """Integrate over the steps of `mesh`, each halved; return the state at the tow point, (6,)."""
+    directions = np.empty((0, N_THETA))
+    y = np.empty((1, 6))
+    scratch = np.empty((1, 6))
+    k = np.empty((_STAGES + 1, 1, 6))
+    initial_state(theta, directions, y)
+    for i in range(steps):
+        h = 0.5 * (mesh[i + 1] - mesh[i])
+        for _ in range(2):
+            cable_rhs(theta, directions, y, k[0])
+            _stages(theta, directions, y, h, k, scratch)
+            y[:] = scratch
+    return y[0].copy()
