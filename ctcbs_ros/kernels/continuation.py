@@ -1,0 +1,194 @@
+"""Continuation of steady states along a one-parameter family of towed cables.
+
+Every family of interest is a power law: with tau the logarithm of the quantity that varies,
+
+    theta_i(tau) = theta_i exp(e_i tau),   l(tau) = l exp(e_l tau)
+
+(angular rate at fixed tow radius: omega alone, exponent 1; tow radius at fixed speed: all of them).
+The states are the level set h(tau, u) = 0 of one smooth function, u = ln x_d, and are traced as
+such, by arc length in the (tau, u) plane; a fold is a point with dh/du = 0 and nothing special to
+the trace.
+"""
+
+import numpy as np
+from numba import njit
+
+from ctcbs_ros.kernels.search import MAX_STEPS
+from ctcbs_ros.kernels.trajectory import N_THETA, OK, X_D, G, integrate
+
+LEFT_RANGE, CLOSED, FULL, LOST = range(4)
+
+
+@njit(cache=True)
+def level(theta, exponents, length, length_exponent, tau, u, tolerance, states, mesh):
+    """Return h, dh/du, dh/dtau and the status of the integration.
+
+    theta, exponents : (8,) at tau = 0; states : (1, 3, 6) and mesh, work space.
+    """
+    here = np.empty(N_THETA)
+    directions = np.zeros((2, N_THETA))
+    for i in range(N_THETA):
+        here[i] = theta[i] * np.exp(exponents[i] * tau)
+        directions[1, i] = exponents[i] * here[i]
+    here[X_D] = np.exp(u)
+    directions[0, X_D] = here[X_D]
+    directions[1, X_D] = 0.0
+    end = length * np.exp(length_exponent * tau)
+    nodes = np.array([end])
+    status, _, _ = integrate(here, directions, nodes, tolerance, MAX_STEPS, states, mesh)
+    x, y = states[0, 0, 0], states[0, 0, 1]
+    h = x * x + y * y - 1.0
+    h_u = 2.0 * (x * states[0, 1, 0] + y * states[0, 1, 1])
+    h_tau = 2.0 * (x * states[0, 2, 0] + y * states[0, 2, 1])
+    fx, fy, fz = states[0, 0, 3], states[0, 0, 4], states[0, 0, 5]
+    p = np.sqrt(fx * fx + fy * fy + fz * fz)
+    h_tau += 2.0 * (x * fx + y * fy) * (1.0 / p + here[G]) * end * length_exponent
+    if status == OK and not (np.isfinite(h) and np.isfinite(h_u) and np.isfinite(h_tau)):
+        status = 2
+    return h, h_u, h_tau, status
+
+
+@njit(cache=True)
+def project(theta, exponents, length, length_exponent, tau, u, tolerance, states, mesh):
+    """Correct a point onto the level set along the gradient (Gauss-Newton).
+
+    Returns tau, u, the gradient (h_u, h_tau) there, the distance moved, and whether it converged.
+    """
+    moved = 0.0
+    h_u, h_tau = 0.0, 0.0
+    for i in range(8):
+        h, h_u, h_tau, status = level(
+            theta, exponents, length, length_exponent, tau, u, tolerance, states, mesh
+        )
+        square = h_u * h_u + h_tau * h_tau
+        if status != OK or square == 0.0:
+            return tau, u, h_u, h_tau, moved, False
+        step = abs(h) / np.sqrt(square)
+        tau -= h * h_tau / square
+        u -= h * h_u / square
+        moved += step
+        if moved > 0.5:
+            return tau, u, h_u, h_tau, moved, False
+        if step < 1e-6:
+            return tau, u, h_u, h_tau, moved, True
+    return tau, u, h_u, h_tau, moved, False
+
+
+@njit(cache=True)
+def trace(
+    theta, exponents, length, length_exponent, u, direction, tau_low, tau_high, tolerance, points
+):
+    """Trace the level set from (tau = 0, u) until it leaves [tau_low, tau_high] or closes.
+
+    Parameters
+    ----------
+    theta, exponents, length, length_exponent
+        The family, at tau = 0.
+    u : float
+        A state at tau = 0.
+    direction : float
+        +1 to start towards rising tau, -1 towards falling.
+    points : (n, 4) array, written
+        tau, u, and dh/du, dh/dtau there; the last point lies outside the range if the trace left it.
+
+    Returns
+    -------
+    status : int
+        LEFT_RANGE, CLOSED, FULL (n points did not suffice) or LOST (no further point found).
+    count : int
+    """
+    states = np.empty((1, 3, 6))
+    mesh = np.empty(MAX_STEPS + 1)
+    tau, u, h_u, h_tau, _, good = project(
+        theta, exponents, length, length_exponent, 0.0, u, tolerance, states, mesh
+    )
+    if not good:
+        return LOST, 0
+    size = np.sqrt(h_u * h_u + h_tau * h_tau)
+    t_tau, t_u = h_u / size, -h_tau / size
+    if t_tau * direction < 0.0:
+        t_tau, t_u = -t_tau, -t_u
+    points[0, 0], points[0, 1], points[0, 2], points[0, 3] = tau, u, h_u, h_tau
+    count = 1
+    step = 0.02
+    start_tau, start_u = tau, u
+    travelled = 0.0
+    while count < points.shape[0]:
+        new_tau, new_u, g_u, g_tau, moved, good = project(
+            theta, exponents, length, length_exponent,
+            tau + step * t_tau, u + step * t_u, tolerance, states, mesh,
+        )
+        size = np.sqrt(g_u * g_u + g_tau * g_tau)
+        n_tau, n_u = 0.0, 0.0
+        if good:
+            n_tau, n_u = g_u / size, -g_tau / size
+            if n_tau * t_tau + n_u * t_u < 0.0:
+                n_tau, n_u = -n_tau, -n_u
+            turn = 1.0 - (n_tau * t_tau + n_u * t_u)
+            # Near a fold (a tangent almost along u) steps are shorter, so that a pair of folds
+            # about to merge in a cusp shows as two changes of sign and not as none.
+            steep = min(abs(n_tau), abs(t_tau)) < 0.15
+            good = turn < 0.02 and moved < 0.5 * step and not (steep and step > 0.02)
+        if not good:
+            step *= 0.5
+            if step < 1e-7:
+                return LOST, count
+            continue
+        travelled += step
+        tau, u, t_tau, t_u = new_tau, new_u, n_tau, n_u
+        points[count, 0], points[count, 1] = tau, u
+        points[count, 2], points[count, 3] = g_u, g_tau
+        count += 1
+        if tau < tau_low or tau > tau_high:
+            return LEFT_RANGE, count
+        if travelled > 4.0 * step and np.hypot(tau - start_tau, u - start_u) < 0.7 * step:
+            return CLOSED, count
+        if turn < 0.004:
+            step = min(0.12, 1.5 * step)
+    return FULL, count
+
+
+@njit(cache=True)
+def fold(theta, exponents, length, length_exponent, tolerance, points):
+    """Locate the fold h = 0, dh/du = 0 between two points of a trace.
+
+    points : (2, 4) array, two neighbours of a trace with opposite dh/du.
+
+    Returns
+    -------
+    tau, u : float
+    converged : bool
+    """
+    states = np.empty((1, 3, 6))
+    mesh = np.empty(MAX_STEPS + 1)
+    tau, u = points[0, 0], points[0, 1]
+    # The chord is a coordinate of the curve in between: bisection guarded regula falsi (Illinois).
+    a, b = 0.0, 1.0
+    size_a = np.sqrt(points[0, 2] ** 2 + points[0, 3] ** 2)
+    size_b = np.sqrt(points[1, 2] ** 2 + points[1, 3] ** 2)
+    fa, fb = points[0, 2] / size_a, points[1, 2] / size_b
+    side = 0
+    for _ in range(60):
+        c = (a * fb - b * fa) / (fb - fa)
+        tau, u, h_u, h_tau, _, good = project(
+            theta, exponents, length, length_exponent,
+            points[0, 0] + c * (points[1, 0] - points[0, 0]),
+            points[0, 1] + c * (points[1, 1] - points[0, 1]),
+            tolerance, states, mesh,
+        )
+        if not good:
+            return tau, u, False
+        fc = h_u / np.sqrt(h_u * h_u + h_tau * h_tau)
+        if abs(fc) < 1e-9 or b - a < 1e-13:
+            return tau, u, True
+        if fc * fa > 0.0:
+            a, fa = c, fc
+            if side == 1:
+                fb *= 0.5
+            side = 1
+        else:
+            b, fb = c, fc
+            if side == -1:
+                fa *= 0.5
+            side = -1
+    return tau, u, False

@@ -1,0 +1,200 @@
+"""All steady states of a parameter point, and the correction of one from a guess."""
+
+from dataclasses import dataclass
+from math import atan2, log, pi
+
+import numpy as np
+
+from ctcbs_ros.errors import InputError
+from ctcbs_ros.kernels import search
+from ctcbs_ros.kernels.trajectory import N_THETA, OK, integrate, integrate_halved
+from ctcbs_ros.solver.parameters import Parameters
+
+# Local error of an integration step. Scanning only counts roots; what is reported is integrated to
+# an error far below the residual of 1e-9 that it must have.
+SCAN_TOLERANCE = 1e-6
+TOLERANCE = 1e-11
+RESIDUAL_LIMIT = 1e-9
+_NO_DIRECTIONS = np.empty((0, N_THETA))
+_MOST_ROOTS = 64
+
+
+@dataclass(frozen=True)
+class SteadyState:
+    """A steady state in the rotating frame, non-dimensional.
+
+    Attributes
+    ----------
+    parameters : Parameters
+    end_mass_radius, depth : float
+        Radius of the end mass's circle and its depth below the tow plane.
+    phase_lag : float
+        Tow-point angle minus end-mass angle in the sense of rotation, in [0, 2 pi).
+    tension_end_mass, tension_tow_point, least_tension : float
+        At both ends, and the least along the cable.
+    residual : float
+        |x^2 + y^2 - 1| at the tow point, integrated again with every step halved.
+    slope : float
+        d(x^2 + y^2)/d ln(end-mass radius) at the tow point; 0 at a fold, and of the opposite sign
+        on the other side of it.
+    converged : bool
+        Whether the residual is below 1e-9.
+    """
+
+    parameters: Parameters
+    end_mass_radius: float
+    depth: float
+    phase_lag: float
+    tension_end_mass: float
+    tension_tow_point: float
+    least_tension: float
+    residual: float
+    slope: float
+    converged: bool
+
+    def cable(self, arc_lengths) -> tuple[np.ndarray, np.ndarray]:
+        """Shape of the cable in the rotating frame, the end mass at azimuth 0 and height 0.
+
+        Parameters
+        ----------
+        arc_lengths : (n,) array_like
+            Unstretched arc lengths from the end mass, in [0, length].
+
+        Returns
+        -------
+        positions : (n, 3) ndarray
+        tensions : (n, 3) ndarray
+            Tension times unit tangent.
+        """
+        states = cable_states(self.parameters, self.end_mass_radius, np.asarray(arc_lengths, float))
+        return states[:, :3], states[:, 3:]
+
+
+@dataclass(frozen=True)
+class SteadyStates:
+    """All steady states in rising end-mass radius, and why there are none or some may be missing."""
+
+    states: tuple[SteadyState, ...]
+    complete: bool
+    reason: str
+
+
+def cable_states(parameters, end_mass_radius, arc_lengths, tolerance=1e-10) -> np.ndarray:
+    """Position and tension vector at rising arc lengths, (n, 6), integrated from the end mass."""
+    if arc_lengths.size == 0:
+        return np.empty((0, 6))
+    if np.any(np.diff(arc_lengths) < 0.0) or arc_lengths[0] < 0.0:
+        raise InputError("arc lengths: they must rise from 0 (end mass) to the cable's length")
+    states = np.empty((arc_lengths.size, 1, 6))
+    status, _, _ = integrate(
+        parameters.theta(end_mass_radius), _NO_DIRECTIONS, arc_lengths, tolerance,
+        search.MAX_STEPS, states, np.empty(search.MAX_STEPS + 1),
+    )
+    if status != OK:
+        raise ArithmeticError(
+            f"the cable could not be integrated at end-mass radius {end_mass_radius:g}"
+        )
+    return states[:, 0, :]
+
+
+def steady_states(parameters: Parameters) -> SteadyStates:
+    """Find all steady states of a parameter point, isolated ones included.
+
+    Parameters
+    ----------
+    parameters : Parameters
+
+    Returns
+    -------
+    SteadyStates
+        Empty, with the reason, where there is none.
+
+    Notes
+    -----
+    Roots of thesis (2.17) as a function of the end-mass radius, counted by adaptive Hermite
+    interpolation (`ctcbs_ros.kernels.search`). Stretched states are sought up to a strain of 3.
+    """
+    roots = np.empty(_MOST_ROOTS)
+    count, _, failures = search.all_roots(
+        parameters.theta(), parameters.length, SCAN_TOLERANCE, TOLERANCE, roots
+    )
+    found = [describe(parameters, u) for u in roots[:count]]
+    states = tuple(s for s in found if s is not None and s.converged and s.least_tension > 0.0)
+    slack = sum(s is not None and s.least_tension <= 0.0 for s in found)
+    lost = len(found) - len(states) - slack
+    reasons = []
+    if failures:
+        reasons.append(f"the cable could not be integrated at {failures} trial radii")
+    if slack:
+        reasons.append(f"{slack} left out: the cable is slack")
+    if lost:
+        reasons.append(f"{lost} left out: the residual stays above {RESIDUAL_LIMIT:g}")
+    if not found and not reasons:
+        reasons.append(
+            f"no end-mass radius brings the cable to the tow circle below a strain of "
+            f"{search.MAX_STRAIN:g}"
+        )
+    return SteadyStates(states, not (failures or lost), "; ".join(reasons))
+
+
+def correct_state(parameters: Parameters, guess: float, max_step: float = 0.3):
+    """Correct a guess of the end-mass radius by Newton's method.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    guess : float
+        End-mass radius near the wanted state.
+    max_step : float
+        Largest step in ln(end-mass radius) that still counts as the same branch.
+
+    Returns
+    -------
+    SteadyState or None
+        None where Newton's method fails or goes further than `max_step`.
+    """
+    start = log(guess)
+    u, _, converged, _ = search.correct(
+        parameters.theta(), parameters.length, start, TOLERANCE, 12, max_step
+    )
+    if not converged or abs(u - start) > max_step:
+        return None
+    state = describe(parameters, u)
+    return state if state is not None and state.converged else None
+
+
+def describe(parameters: Parameters, u: float) -> SteadyState | None:
+    """Everything about the state at u = ln(end-mass radius); None if the integration fails."""
+    radius = float(np.exp(u))
+    theta = parameters.theta(radius)
+    directions = np.zeros((1, N_THETA))
+    directions[0, 0] = radius
+    states = np.empty((1, 2, 6))
+    mesh = np.empty(search.MAX_STEPS + 1)
+    nodes = np.array([parameters.length])
+    status, steps, least = integrate(
+        theta, directions, nodes, TOLERANCE, search.MAX_STEPS, states, mesh
+    )
+    if status != OK:
+        return None
+    end = integrate_halved(theta, mesh, steps)
+    residual = abs(end[0] ** 2 + end[1] ** 2 - 1.0)
+    first = np.array(
+        [
+            theta[1] ** 2 * theta[2] * radius,
+            theta[1] ** 2 * theta[5] * radius**2,
+            theta[3],
+        ]
+    )
+    return SteadyState(
+        parameters=parameters,
+        end_mass_radius=radius,
+        depth=float(end[2]),
+        phase_lag=atan2(end[1], end[0]) % (2.0 * pi),
+        tension_end_mass=float(np.linalg.norm(first)),
+        tension_tow_point=float(np.linalg.norm(end[3:])),
+        least_tension=float(least),
+        residual=float(residual),
+        slope=float(2.0 * (states[0, 0, :2] @ states[0, 1, :2])),
+        converged=bool(residual < RESIDUAL_LIMIT),
+    )
