@@ -10,7 +10,7 @@ SEA_LEVEL_TEMPERATURE = 288.15  # K
 SEA_LEVEL_PRESSURE = 101_325.0  # Pa
 LAPSE_RATE = 0.0065  # K/m, troposphere
 TROPOPAUSE = 11_000.0  # geopotential m
-LOWEST, HIGHEST = -5_000.0, 20_000.0  # geopotential m, where the two layers below hold
+LOWEST, HIGHEST = -5_000.0, 20_000.0  # m, what the two layers below cover
 
 
 def standard_atmosphere_density(altitude_m: float) -> float:
@@ -24,15 +24,15 @@ def standard_atmosphere_density(altitude_m: float) -> float:
     Returns
     -------
     float
-        Density [kg/m^3]; nan outside geopotential altitudes of -5 to 20 km.
+        Density [kg/m^3]; nan outside -5 to 20 km.
 
     References
     ----------
     ICAO Doc 7488, Manual of the ICAO Standard Atmosphere, 3rd ed., 1993.
     """
-    geopotential = EARTH_RADIUS * altitude_m / (EARTH_RADIUS + altitude_m)
-    if not LOWEST <= geopotential <= HIGHEST:
+    if not LOWEST <= altitude_m <= HIGHEST:
         return nan
+    geopotential = EARTH_RADIUS * altitude_m / (EARTH_RADIUS + altitude_m)
     in_troposphere = min(geopotential, TROPOPAUSE)
     temperature = SEA_LEVEL_TEMPERATURE - LAPSE_RATE * in_troposphere
     exponent = GRAVITY / (GAS_CONSTANT * LAPSE_RATE)

@@ -138,7 +138,7 @@ def load_configuration(path: str | Path) -> Configuration:
     Parameters
     ----------
     path : str or Path
-        The file, or the bare name of one that is shipped ("small_drone"), see `find_configuration`.
+        The file, or the bare name of a shipped one ("small_drone"), see `find_configuration`.
 
     Raises
     ------

@@ -71,7 +71,7 @@ def read_parameter_file(path: str | Path) -> dict[str, Any]:
 
     document = _parse(text, path)
     if document is None:
-        raise InputError(f"{path}: empty: must hold parameters under '/**:' and 'ros__parameters:'")
+        raise InputError(f"{path}: empty: must hold '/**:', 'ros__parameters:' and parameters")
     for name in ("/**", "ros__parameters"):
         if not isinstance(document, dict) or list(document) != [name]:
             found = f", not {_listed(document)}" if isinstance(document, dict) else ""

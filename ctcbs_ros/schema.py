@@ -69,17 +69,18 @@ class ParameterSpec:
             return "true or false"
         if self.type is str:
             return " or ".join(repr(choice) for choice in self.choices) or "text"
-        kind = {float: "a number", int: "a whole number", list: "[min, max], two numbers"}[self.type]
-        text = f"{kind} from {self.minimum:g} to {self.maximum:g} {self.unit}".rstrip()
-        return text + (", or .inf" if self.infinite else "") + (", or .nan" if self.missing else "")
+        kind = {float: "a number", int: "a whole number", list: "[min, max], two numbers"}
+        text = f"{kind[self.type]} from {self.minimum:g} to {self.maximum:g} {self.unit}".rstrip()
+        text += ", or .inf" if self.infinite else ""
+        return text + (", or .nan" if self.missing else "")
 
     @property
     def description(self) -> str:
         """Meaning, unit and default in one line, for a parameter descriptor."""
-        unit = f" [{self.unit}]" if self.unit else ""
+        text = f"{self.meaning} [{self.unit}]" if self.unit else self.meaning
         if self.required:
-            return f"{self.meaning}{unit}; required"
-        return f"{self.meaning}{unit}" + ("" if self.default is None else f"; default {self.default}")
+            return f"{text}; required"
+        return text if self.default is None else f"{text}; default {self.default!r}"
 
     def check(self, value: Any, source: str) -> Any:
         """Return `value` if it may stand here (a list as a tuple).
@@ -89,36 +90,25 @@ class ParameterSpec:
         InputError
             Naming source, key, value and what is allowed.
         """
+        items, kind = (value,), self.type
         if self.type is list:
-            return self._check_pair(value, source)
-        if type(value) is not self.type:
-            hint = ""
-            if self.type is float and type(value) is int:
-                hint = f"; write {_short.repr(value)}.0"
-            elif value is None:
-                raise InputError(f"{source}: {self.key} has no value: must be {self.allowed}")
-            raise self._refusal(value, source, f" (got {_kind(value)}{hint})")
-        if self.type in (float, int) and not self._in_range(value):
-            raise self._refusal(value, source)
+            if not isinstance(value, list | tuple | array.array):
+                raise self._refusal(value, source, f" (got {_kind(value)})")
+            value = items = tuple(value)
+            kind = float
+            if len(value) != 2:
+                raise self._refusal(value, source, f" (got {len(value)})")
+        for item in items:
+            if type(item) is not kind:
+                hint = f"; write {item}.0" if (kind, type(item)) == (float, int) else ""
+                raise self._refusal(value, source, f" (got {_kind(item)}{hint})")
+            if kind in (float, int) and not self._in_range(item):
+                raise self._refusal(value, source)
+        if self.type is list and not value[0] < value[1]:
+            raise self._refusal(value, source, ", the first below the second")
         if self.choices and value not in self.choices:
             raise self._refusal(value, source)
         return value
-
-    def _check_pair(self, value: Any, source: str) -> tuple[float, float]:
-        if not isinstance(value, list | tuple | array.array):
-            raise self._refusal(value, source, f" (got {_kind(value)})")
-        pair = tuple(value)
-        if len(pair) != 2:
-            raise self._refusal(list(pair), source, f" (got {len(pair)})")
-        for number in pair:
-            if type(number) is not float:
-                hint = "; write it with a decimal point" if type(number) is int else ""
-                raise self._refusal(list(pair), source, f" (got {_kind(number)} in it{hint})")
-            if not self._in_range(number):
-                raise self._refusal(list(pair), source)
-        if not pair[0] < pair[1]:
-            raise self._refusal(list(pair), source, " and the first below the second")
-        return pair
 
     def _in_range(self, number: float) -> bool:
         if isnan(number):
@@ -128,7 +118,7 @@ class ParameterSpec:
         return self.minimum <= number <= self.maximum
 
     def _refusal(self, value: Any, source: str, remark: str = "") -> InputError:
-        shown = _short.repr(value)
+        shown = _short.repr(list(value) if isinstance(value, tuple) else value)
         return InputError(f"{source}: {self.key} = {shown}: must be {self.allowed}{remark}")
 
 
@@ -152,7 +142,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ),
     ParameterSpec(
         key="cable.density", type=float, unit="kg/m^3", required=True,
-        minimum=100.0, maximum=25_000.0, meaning="mass of the cable over the volume of its section",
+        minimum=100.0, maximum=25_000.0, meaning="mass of the cable over its volume",
     ),
     ParameterSpec(
         key="cable.youngs_modulus", type=float, unit="Pa", required=True,
@@ -228,7 +218,8 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ),
     ParameterSpec(
         key="limits.stale_after", type=float, unit="s", default=2.0, runtime=True,
-        minimum=0.1, maximum=3600.0, meaning="warn STALE_TELEMETRY after this time without a sample",
+        minimum=0.1, maximum=3600.0,
+        meaning="warn STALE_TELEMETRY after this time without a sample",
     ),
     ParameterSpec(
         key="ground.level_amsl", type=float, unit="m", default=nan, missing=True,
@@ -241,7 +232,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ),
     ParameterSpec(
         key="mavlink.url", type=str, default="",
-        meaning="MAVLink source: udpin:, udpout:, tcp:, serial device or log; empty for ROS topics",
+        meaning="MAVLink source: udpin:, udpout:, tcp:, serial or log; empty for ROS topics",
     ),
     ParameterSpec(
         key="mavlink.baud", type=int, unit="baud", default=57_600,
@@ -258,7 +249,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         key="replay.rate", type=float, default=0.0,
         minimum=0.0, maximum=1000.0,
-        meaning="speed of a log over the clock's; 0 as fast as it goes; of no effect on a live link",
+        meaning="speed of a log over its own clock; 0 for as fast as it goes",
     ),
     ParameterSpec(
         key="replay.wait_for_subscribers", type=float, unit="s", default=5.0,
@@ -310,9 +301,9 @@ def checked_parameters(mapping: Mapping[str, Any], source: str) -> dict[str, Any
         for key, value in _flattened(mapping, source, "").items()
         if key not in ROS_PARAMETERS and not key.startswith(ROS_PREFIXES)
     }
-    for key in given:
-        if key not in BY_KEY:
-            raise InputError(f"{source}: unknown parameter {_short.repr(key)}{_nearest(key)}")
+    unknown = next((key for key in given if key not in BY_KEY), None)
+    if unknown is not None:
+        raise InputError(f"{source}: {_short.repr(unknown)}: {_why_unknown(unknown)}")
     checked = {}
     for spec in PARAMETERS:
         if spec.key in given:
@@ -340,6 +331,11 @@ def _flattened(mapping: Mapping[str, Any], source: str, prefix: str) -> dict[str
     return flat
 
 
-def _nearest(key: str) -> str:
+def _why_unknown(key: str) -> str:
+    inside = [known for known in BY_KEY if known.startswith(f"{key}.")]
+    if inside:
+        return f"not a parameter but a group: must hold {', '.join(inside)}"
     near = difflib.get_close_matches(key, BY_KEY, n=1)
-    return f" (did you mean {near[0]}?)" if near else f"; known are {', '.join(BY_KEY)}"
+    return "unknown parameter" + (
+        f" (did you mean {near[0]}?)" if near else f"; known are {', '.join(BY_KEY)}"
+    )
