@@ -1,0 +1,295 @@
+"""Branches of steady states: where one ends in a fold, what lies beyond, which one is flown.
+
+A branch is followed along a `Family`, a one-parameter change of the flight that is a power law in
+every non-dimensional parameter; tau is the logarithm of what varies. Two families are what a pilot
+can do: change the angular rate at this radius, change the radius at this speed.
+"""
+
+from dataclasses import dataclass, replace
+from math import exp, isclose, log
+
+import numpy as np
+
+from ctcbs_ros.kernels import continuation
+from ctcbs_ros.kernels.trajectory import D_N, N_THETA, OMEGA, D, G, M, W
+from ctcbs_ros.solver.parameters import Parameters
+from ctcbs_ros.solver.stability import stability
+from ctcbs_ros.solver.steady_state import SCAN_TOLERANCE, TOLERANCE, SteadyState, steady_states
+
+_MOST_POINTS = 2000
+# A state is looked for this far (in ln) beyond a fold, where the pair that merged is gone.
+_BEYOND = 1e-4
+
+
+@dataclass(frozen=True)
+class Family:
+    """Exponents of the parameters along a family; `rate` is that of Omega, which scales damping."""
+
+    name: str
+    omega: float = 0.0
+    length: float = 0.0
+    mass: float = 0.0
+    cable_drag: float = 0.0
+    end_mass_drag: float = 0.0
+    elasticity: float = 0.0
+    rate: float = 0.0
+
+    def exponents(self) -> np.ndarray:
+        """Exponents in the order of the kernels' theta, (8,)."""
+        e = np.zeros(N_THETA)
+        e[OMEGA] = self.omega
+        e[M] = e[W] = self.mass
+        e[D_N] = self.cable_drag
+        e[D] = self.end_mass_drag
+        e[G] = -self.elasticity
+        return e
+
+    def at(self, parameters: Parameters, tau: float) -> Parameters:
+        """The parameters at tau; tau = 0 gives `parameters` themselves."""
+        return replace(
+            parameters,
+            omega=parameters.omega * exp(self.omega * tau),
+            length=parameters.length * exp(self.length * tau),
+            end_mass=parameters.end_mass * exp(self.mass * tau),
+            end_weight=parameters.end_weight * exp(self.mass * tau),
+            cable_drag=parameters.cable_drag * exp(self.cable_drag * tau),
+            drag_ratio=parameters.drag_ratio * exp((self.end_mass_drag - self.cable_drag) * tau),
+            elasticity=parameters.elasticity * exp(self.elasticity * tau),
+            # The time constant of the line does not change, its product with Omega does.
+            damping=parameters.damping * exp(self.rate * tau),
+        )
+
+
+# Angular rate (or speed) at fixed tow radius: omega = Omega sqrt(a / g).
+ANGULAR_RATE = Family("angular_rate", omega=1.0, rate=1.0)
+# Tow radius at fixed speed: lengths, masses and gamma are in units of a, d_n is proportional to a.
+RADIUS_AT_SPEED = Family(
+    "radius", omega=-0.5, length=-1.0, mass=-1.0, cable_drag=1.0, elasticity=-1.0, rate=-1.0
+)
+
+
+def family_between(start: Parameters, end: Parameters) -> tuple[Family, float]:
+    """The family that leads from one parameter point to another, and the tau of the other.
+
+    Air buoyancy of the cable (`density`) stays that of the start: it is no power law, and changes
+    by parts in a thousand.
+    """
+    def ratio(name):
+        return log(getattr(end, name) / getattr(start, name))
+
+    changes = {
+        "omega": ratio("omega"),
+        "length": ratio("length"),
+        "mass": ratio("end_mass"),
+        "cable_drag": ratio("cable_drag") if start.cable_drag > 0.0 else 0.0,
+        "end_mass_drag": ratio("end_mass_drag") if start.end_mass_drag > 0.0 else 0.0,
+        "elasticity": ratio("elasticity") if start.elastic else 0.0,
+        "rate": ratio("damping") if start.damping > 0.0 else 0.0,
+    }
+    distance = max(sum(change**2 for change in changes.values()) ** 0.5, 1e-12)
+    scaled = {name: change / distance for name, change in changes.items()}
+    return Family("between", **scaled), distance
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A fold on a family: tau, and the end-mass radius (over the tow radius there)."""
+
+    tau: float
+    end_mass_radius: float
+
+
+@dataclass(frozen=True)
+class Path:
+    """A stretch of a branch, traced from a state at tau = 0.
+
+    Attributes
+    ----------
+    tau : (n,) ndarray
+    end_mass_radius : (n,) ndarray
+        Over the tow radius at each tau.
+    folds : tuple of Fold
+        In the order of the trace.
+    crossings : tuple of float
+        End-mass radii where the path meets tau = `target`, in the order of the trace.
+    status : int
+        Of `ctcbs_ros.kernels.continuation.trace`.
+    """
+
+    tau: np.ndarray
+    end_mass_radius: np.ndarray
+    folds: tuple[Fold, ...]
+    crossings: tuple[float, ...]
+    status: int
+
+
+def trace(
+    parameters: Parameters,
+    end_mass_radius: float,
+    family: Family,
+    direction: int,
+    tau_range: tuple[float, float],
+    target: float | None = None,
+) -> Path:
+    """Trace a branch through all its folds until it leaves the range of tau.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        At tau = 0.
+    end_mass_radius : float
+        A steady state there.
+    family : Family
+    direction : int
+        +1 or -1: the way tau goes first.
+    tau_range : tuple of 2 floats
+    target : float, optional
+        tau at which the crossings are wanted.
+
+    Returns
+    -------
+    Path
+    """
+    theta, exponents = parameters.theta(), family.exponents()
+    points = np.empty((_MOST_POINTS, 4))
+    status, count = continuation.trace(
+        theta, exponents, parameters.length, family.length, log(end_mass_radius),
+        float(direction), tau_range[0], tau_range[1], SCAN_TOLERANCE * 1e-2, points,
+    )
+    points = points[:count]
+    folds = []
+    for i in np.flatnonzero(points[:-1, 2] * points[1:, 2] < 0.0):
+        tau, u, good = continuation.fold(
+            theta, exponents, parameters.length, family.length, TOLERANCE, points[i : i + 2]
+        )
+        if good and tau_range[0] <= tau <= tau_range[1]:
+            folds.append(Fold(tau, exp(u)))
+    crossings = []
+    if target is not None and count:
+        side = points[:, 0] - target
+        for i in np.flatnonzero(side[:-1] * side[1:] < 0.0):
+            share = side[i] / (side[i] - side[i + 1])
+            crossings.append(exp(points[i, 1] + share * (points[i + 1, 1] - points[i, 1])))
+    return Path(points[:, 0], np.exp(points[:, 1]), tuple(folds), tuple(crossings), status)
+
+
+def branch_end(state: SteadyState, family: Family, direction: int, reach: float) -> Fold | None:
+    """The fold in which the branch of a state ends when tau goes one way; None within `reach`.
+
+    Parameters
+    ----------
+    state : SteadyState
+    family : Family
+    direction : int
+        +1 for rising tau, -1 for falling.
+    reach : float
+        How far to look, in tau.
+    """
+    tau_range = (-reach, 1e-6) if direction < 0 else (-1e-6, reach)
+    path = trace(state.parameters, state.end_mass_radius, family, direction, tau_range)
+    return path.folds[0] if path.folds else None
+
+
+def landing(
+    parameters: Parameters, fold: Fold, family: Family, direction: int
+) -> SteadyState | None:
+    """The stable state that remains just beyond a fold, the nearest in ln(radius) if several.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        At tau = 0.
+    fold : Fold
+    family : Family
+    direction : int
+        The way tau goes through the fold.
+
+    Returns
+    -------
+    SteadyState or None
+        None where no state beyond the fold is stable.
+
+    Notes
+    -----
+    A steady-state rule: which of several stable states a real jump reaches is decided by the
+    transient, which is not computed here.
+    """
+    beyond = family.at(parameters, fold.tau + direction * _BEYOND)
+    stable = [s for s in steady_states(beyond).states if s.slope > 0.0 and stability(s).stable]
+    return min(
+        stable, key=lambda s: abs(log(s.end_mass_radius / fold.end_mass_radius)), default=None
+    )
+
+
+@dataclass(frozen=True)
+class FlownBranch:
+    """The state reached by tightening the circle at constant speed from straight flight.
+
+    Attributes
+    ----------
+    end_mass_radius : float
+        Of the state expected to be flown; nan if a jump on the way lands nowhere stable.
+    connected : tuple of float
+        All states of the branch connected to a -> infinity, in the order in which it meets them.
+    jumps : int
+        Number of folds passed on the way, each with a jump.
+    """
+
+    end_mass_radius: float
+    connected: tuple[float, ...]
+    jumps: int
+
+
+def branch_from_straight_flight(parameters: Parameters) -> FlownBranch:
+    """Follow the branch connected to an infinite tow radius, at this speed and cable length.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        At the present radius.
+
+    Returns
+    -------
+    FlownBranch
+    """
+    far = _far_away(parameters)
+    start = RADIUS_AT_SPEED.at(parameters, far)
+    states = steady_states(start).states
+    if len(states) != 1:
+        return FlownBranch(float("nan"), (), 0)
+    radius = states[0].end_mass_radius
+    path = trace(start, radius, RADIUS_AT_SPEED, -1, (-far - 0.05, 0.05), target=-far)
+    connected = path.crossings
+    jumps = 0
+    tau = 0.0
+    while path.folds:
+        # The first fold met while the circle tightens; those behind the present radius are met
+        # only after the branch has reached it.
+        fold = path.folds[0]
+        if fold.tau <= -far:
+            break
+        jumps += 1
+        state = landing(start, fold, RADIUS_AT_SPEED, -1)
+        if state is None:
+            return FlownBranch(float("nan"), connected, jumps)
+        tau += fold.tau - _BEYOND
+        far += fold.tau - _BEYOND
+        start = state.parameters
+        path = trace(
+            start, state.end_mass_radius, RADIUS_AT_SPEED, -1, (-far - 0.05, 0.05), target=-far
+        )
+    flown = path.crossings[0] if path.crossings else float("nan")
+    return FlownBranch(flown, connected, jumps)
+
+
+def _far_away(parameters: Parameters) -> float:
+    """tau of a tow radius so large that the cable is towed almost straight behind."""
+    return log(max(parameters.length / 0.02, parameters.omega**2 / 0.02**2, 2.0))
+
+
+def match(states, end_mass_radius: float) -> int | None:
+    """Index of the state with this end-mass radius, to 0.1 %; None if there is none."""
+    for i, state in enumerate(states):
+        if isclose(state.end_mass_radius, end_mass_radius, rel_tol=1e-3):
+            return i
+    return None
