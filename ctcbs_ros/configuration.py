@@ -5,6 +5,7 @@ A parameter file or the node's parameters go in, a checked and frozen `Configura
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import inf, nan, pi
@@ -152,13 +153,13 @@ def load_configuration(path: str | Path) -> Configuration:
 def find_configuration(path: str | Path) -> Path:
     """Path of a configuration: `path` itself, or where a shipped one of that bare name lies."""
     path = Path(path)
-    if path.exists() or path.name != str(path) or path.suffix not in ("", ".yaml"):
+    if os.path.exists(path) or path.name != str(path) or path.suffix not in ("", ".yaml"):
         return path
     package = Path(__file__).resolve().parent
     folders = [package.parent / "config"]  # a checkout
     folders += [prefix / "share/ctcbs_ros/config" for prefix in package.parents]  # pip, colcon
     found = (folder / f"{path.stem}.yaml" for folder in folders)
-    return next((file for file in found if file.is_file()), path)
+    return next(filter(os.path.isfile, found), path)
 
 
 def configuration_from_mapping(mapping: Mapping[str, Any], source: str) -> Configuration:

@@ -383,6 +383,8 @@ def test_missing_file_and_folder_are_refused(tmp_path):
         load_configuration(tmp_path / "nowhere.yaml")
     with pytest.raises(InputError, match="cannot be read: Is a directory"):
         load_configuration(tmp_path)
+    with pytest.raises(InputError, match="cannot be read: File name too long"):
+        load_configuration("x" * 5000)
 
 
 def test_refusal_of_a_file_names_file_key_value_and_range(tmp_path):

@@ -6,7 +6,8 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from ctcbs_ros.schema import PARAMETERS, ParameterSpec, checked_parameters
+from ctcbs_ros.parameter_spec import ParameterSpec
+from ctcbs_ros.schema import PARAMETERS, checked_parameters
 
 ROS_TYPES = {
     float: Parameter.Type.DOUBLE,
