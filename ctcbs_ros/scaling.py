@@ -107,13 +107,16 @@ def flight_point(
         ("cable length", cable_length, "m"), ("end mass", end_mass, "kg"),
     ):
         if not 0.0 < value < inf:
-            raise InputError(f"{name}: {value:g} {unit} is not allowed, it must be above 0 and finite")
+            raise InputError(
+                f"{name}: {value:g} {unit} is not allowed, it must be above 0 and finite"
+            )
     mu = cable.mass_per_length
     buoyant = mass.displaced_volume > 0.0
     net_mass = end_mass - (density * mass.displaced_volume if buoyant else 0.0)
     if net_mass <= 0.0:
         raise InputError(
-            f"end mass: {end_mass:g} kg is lighter than the {end_mass - net_mass:g} kg of air it displaces"
+            f"end mass: {end_mass:g} kg is lighter than the air it displaces, "
+            f"{end_mass - net_mass:g} kg"
         )
     cable_drag = 0.5 * density * cable.diameter * cable.drag_coefficient * radius / mu
     end_mass_drag = 0.5 * density * mass.frontal_area * mass.drag_coefficient / mu

@@ -4,7 +4,7 @@ Every family of interest is a power law: with tau the logarithm of the quantity 
 
     theta_i(tau) = theta_i exp(e_i tau),   l(tau) = l exp(e_l tau)
 
-(angular rate at fixed tow radius: omega alone, exponent 1; tow radius at fixed speed: all of them).
+(angular rate at fixed tow radius: omega alone; tow radius at fixed speed: all of them).
 The states are the level set h(tau, u) = 0 of one smooth function, u = ln x_d, and are traced as
 such, by arc length in the (tau, u) plane; a fold is a point with dh/du = 0 and nothing special to
 the trace.
@@ -56,7 +56,7 @@ def project(theta, exponents, length, length_exponent, tau, u, tolerance, states
     """
     moved = 0.0
     h_u, h_tau = 0.0, 0.0
-    for i in range(8):
+    for _ in range(8):
         h, h_u, h_tau, status = level(
             theta, exponents, length, length_exponent, tau, u, tolerance, states, mesh
         )
@@ -89,7 +89,7 @@ def trace(
     direction : float
         +1 to start towards rising tau, -1 towards falling.
     points : (n, 4) array, written
-        tau, u, and dh/du, dh/dtau there; the last point lies outside the range if the trace left it.
+        tau, u, and dh/du, dh/dtau there; the last point is outside the range if the trace left.
 
     Returns
     -------
@@ -191,4 +191,47 @@ def fold(theta, exponents, length, length_exponent, tolerance, points):
             if side == -1:
                 fa *= 0.5
             side = -1
+    return tau, u, False
+
+
+@njit(cache=True)
+def correct_fold(theta, exponents, length, length_exponent, tau, u, tolerance):
+    """Newton's method for a fold, h = dh/du = 0, from a guess near it.
+
+    Second derivatives of h are central differences of its analytic first ones.
+
+    Returns
+    -------
+    tau, u : float
+    converged : bool
+    """
+    states = np.empty((1, 3, 6))
+    mesh = np.empty(MAX_STEPS + 1)
+    e = 1e-4
+    for _ in range(12):
+        h, h_u, h_tau, status = level(
+            theta, exponents, length, length_exponent, tau, u, tolerance, states, mesh
+        )
+        _, up, up_tau, status1 = level(
+            theta, exponents, length, length_exponent, tau, u + e, tolerance, states, mesh
+        )
+        _, down, down_tau, status2 = level(
+            theta, exponents, length, length_exponent, tau, u - e, tolerance, states, mesh
+        )
+        if status != OK or status1 != OK or status2 != OK:
+            return tau, u, False
+        h_uu = (up - down) / (2.0 * e)
+        h_utau = (up_tau - down_tau) / (2.0 * e)
+        # [h_tau h_u; h_utau h_uu] (d tau, d u) = -(h, h_u)
+        determinant = h_tau * h_uu - h_u * h_utau
+        if determinant == 0.0:
+            return tau, u, False
+        d_tau = (-h * h_uu + h_u * h_u) / determinant
+        d_u = (-h_tau * h_u + h_utau * h) / determinant
+        if abs(d_tau) > 0.2 or abs(d_u) > 0.2:
+            return tau, u, False
+        tau += d_tau
+        u += d_u
+        if abs(d_tau) < 1e-9 and abs(d_u) < 1e-6:
+            return tau, u, True
     return tau, u, False

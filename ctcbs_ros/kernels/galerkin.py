@@ -4,7 +4,7 @@ The weak form of the thesis's (2.19)-(2.20): with test functions phi that vanish
 
     M u'' + C u' + K u = 0,      M = (int phi phi + m phi phi|_0) I,
 
-the end mass entering as a boundary term. Two linearisations, each consistent with its steady state:
+the end mass entering as a boundary term. Each model of the steady state has its linearisation:
 
 * elastic (thesis's model with stretch kept): tension along the unit tangent, stiffness
   gamma t t^T + p / (1 + p/gamma) (I - t t^T), drag from the unit tangent;
@@ -18,7 +18,7 @@ matrix, so that M becomes the unit matrix. They converge faster than the sines o
 import numpy as np
 from numba import njit
 
-from ctcbs_ros.kernels.trajectory import OMEGA, X_D, D, D_N, M
+from ctcbs_ros.kernels.trajectory import D_N, OMEGA, X_D, D, M
 
 
 @njit(cache=True)
@@ -42,14 +42,16 @@ def basis(n, length, nodes, value, slope):
 
 
 @njit(cache=True)
-def local_matrices(theta, gamma, elastic, damping, state, b_rate, b_position, b_slope, stiffness, rub):
+def local_matrices(
+    theta, gamma, elastic, damping, state, b_rate, b_position, b_slope, stiffness, rub
+):
     """Linearised drag and stiffness at one point of the cable, all (3, 3), written.
 
     The drag on u is d_n J (b_rate u' + b_position u + b_slope u_s); `stiffness` and `rub` (line
     damping) act on u_s and are divided by omega^2.
 
-    theta : (8,); gamma : elasticity of the vibration; elastic : whether the steady state stretches;
-    damping : time constant of the line times Omega; state : (6,) position and tension vector.
+    theta : (8,); gamma : elasticity of the vibration; elastic : whether the steady state
+    stretches; damping : time constant of the line times Omega; state : (6,) position and tension vector.
     """
     o2 = theta[OMEGA] ** 2
     p = np.sqrt(state[3] ** 2 + state[4] ** 2 + state[5] ** 2)

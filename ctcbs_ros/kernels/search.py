@@ -5,14 +5,14 @@ For given parameters the end-mass radius x_d is the only unknown: with u = ln x_
     h(u) = x(l)^2 + y(l)^2 - 1 = 0.
 
 h is smooth, so its roots are counted by cubic Hermite interpolation on intervals that are halved
-until the cubic foretells the middle; near an extremum close to zero the extremum itself is located,
+until the cubic foretells the middle; an extremum close to zero is itself located,
 so that two roots about to merge (a fold) are told from none.
 """
 
 import numpy as np
 from numba import njit
 
-from ctcbs_ros.kernels.trajectory import N_THETA, OK, OMEGA, RHO, X_D, G, D, M, W, integrate
+from ctcbs_ros.kernels.trajectory import N_THETA, OK, OMEGA, RHO, X_D, D, G, M, W, integrate
 
 MAX_STEPS = 6000
 # Strain beyond which a linear-elastic cable means nothing; bounds the search, physics.
@@ -23,7 +23,7 @@ MAX_STRAIN = 3.0
 def tow_circle(theta, length, u, tolerance, states, mesh):
     """Return h(u), dh/du and the status of the integration at ln(end-mass radius) u.
 
-    theta : (8,), its x_d is overwritten; states : (1, 2, 6) and mesh : (MAX_STEPS + 1,), work space.
+    theta : (8,), its x_d is overwritten; states : (1, 2, 6), mesh : (MAX_STEPS + 1,), work space.
     """
     theta[X_D] = np.exp(u)
     directions = np.zeros((1, N_THETA))
@@ -150,7 +150,7 @@ def _hermite(a, b, ha, da, hb, db, u):
 
 @njit(cache=True)
 def _extremum(theta, length, a, b, da, tolerance, states, mesh):
-    """Locate the extremum of h between a and b, where its slope changes sign; stop once h crosses."""
+    """Locate the extremum of h between a and b; stop as soon as h is found across zero."""
     low, high = a, b
     u, h = 0.5 * (a + b), 0.0
     for _ in range(60):

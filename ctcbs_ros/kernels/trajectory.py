@@ -1,18 +1,18 @@
 """The towed cable as an initial-value problem, integrated from the end mass up.
 
-Steady state in the rotating frame, thesis (2.11)-(2.16) with the errata of docs/thesis.md: position
-r and tension vector F = p t (t the unit tangent) along the unstretched arc length s,
+Steady state in the rotating frame, thesis (2.11)-(2.16) with the errata of docs/thesis.md:
+position r and tension vector F = p t (t the unit tangent) along the unstretched arc length s,
 
     dr/ds = (1 + g p) t                                           g = 1/gamma, 0 if inextensible
     dF/ds = rho k - omega^2 (x, y, 0) + omega^2 d_n |v_n| v_n     v_n = v - (v.t) t, v = (-y, x, 0)
     r(0)  = (x_d, 0, 0)
     F(0)  = (-omega^2 m x_d, omega^2 d x_d^2, w)
 
-|t| = 1 is built in, so x_d alone fixes the whole cable. Derivatives with respect to x_d and to every
+|t| = 1 is built in, so x_d alone fixes the whole cable. Derivatives by x_d and by every
 parameter come from the variational equations, integrated beside the state.
 
 The integrator is Dormand and Prince's 8(5,3) pair, its coefficients those of
-scipy.integrate.DOP853 (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I, II.5).
+scipy.integrate.DOP853 (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I).
 """
 
 import numpy as np

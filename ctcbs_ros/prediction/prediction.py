@@ -13,8 +13,8 @@ class EndMassState:
     """A steady state of the end mass at the orbit flown, in SI units.
 
     `phase_lag` [rad, 0..2 pi) is how far the end mass trails the tow point in the sense of
-    rotation; tensions in N; `margin` is the decay rate of the least damped mode per radian of orbit
-    and `margin_per_s` per second; `frequency_per_s` in rad/s, in the rotating frame.
+    rotation; tensions in N; `margin` is the decay rate of the least damped mode per radian of
+    orbit and `margin_per_s` per second; `frequency_per_s` in rad/s, in the rotating frame.
     """
 
     radius: float
@@ -51,7 +51,7 @@ class Jump:
 
 @dataclass(frozen=True)
 class Geodetic:
-    """A position for NavSatFix; `altitude` is above the ellipsoid where `ellipsoidal`, else AMSL."""
+    """A position for NavSatFix; `altitude` is ellipsoidal or else above mean sea level."""
 
     latitude: float
     longitude: float
@@ -75,7 +75,7 @@ class EndMass:
     covariance : (6, 6) ndarray
         Of (east, north, up, roll, pitch, yaw) in SI units, as in PoseWithCovariance.
     geodetic : Geodetic
-        The same position in latitude, longitude, altitude; all nan where no geodetic datum is known.
+        The same position in latitude, longitude, altitude; nan where no datum is known.
     height_above_home : float
         Height of the end mass above home, or above the set ground level [m]; nan if unknown.
     circle_center : (3,) ndarray

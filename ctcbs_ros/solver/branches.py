@@ -23,7 +23,7 @@ _BEYOND = 1e-4
 
 @dataclass(frozen=True)
 class Family:
-    """Exponents of the parameters along a family; `rate` is that of Omega, which scales damping."""
+    """Exponents of the parameters along a family; `rate`, that of Omega, scales the damping."""
 
     name: str
     omega: float = 0.0
@@ -188,6 +188,35 @@ def branch_end(state: SteadyState, family: Family, direction: int, reach: float)
     tau_range = (-reach, 1e-6) if direction < 0 else (-1e-6, reach)
     path = trace(state.parameters, state.end_mass_radius, family, direction, tau_range)
     return path.folds[0] if path.folds else None
+
+
+@dataclass(frozen=True)
+class BranchEnd:
+    """An end of a branch: the fold, the family it lies on, and which way tau goes to it."""
+
+    fold: Fold
+    family: Family
+    direction: int
+
+
+def branch_ends(state: SteadyState) -> tuple[BranchEnd, ...]:
+    """All ends of a state's branch in angular rate and in radius, both ways.
+
+    Folds are looked for between omega 0.02 and 4 times the present rate, and between a quarter of
+    the present radius and 50 times it.
+    """
+    slowest = max(log(state.parameters.omega / 0.02), 0.1)
+    reaches = (
+        (ANGULAR_RATE, -1, slowest),
+        (ANGULAR_RATE, 1, log(4.0)),
+        (RADIUS_AT_SPEED, -1, log(4.0)),
+        (RADIUS_AT_SPEED, 1, log(50.0)),
+    )
+    ends = (
+        (branch_end(state, family, direction, reach), family, direction)
+        for family, direction, reach in reaches
+    )
+    return tuple(BranchEnd(*end) for end in ends if end[0] is not None)
 
 
 def landing(

@@ -1,7 +1,7 @@
 """Non-dimensional parameters of a circularly towed cable, with the thesis's symbols and Table 2.1.
 
-Lengths are in tow radii a, times in 1/Omega (one orbit is 2 pi), tensions in mu a g, mu the cable's
-mass per length.
+Lengths are in tow radii a, times in 1/Omega (one orbit is 2 pi), tensions in mu a g, with mu the
+cable's mass per length.
 """
 
 from dataclasses import dataclass

@@ -66,13 +66,14 @@ class SteadyState:
         tensions : (n, 3) ndarray
             Tension times unit tangent.
         """
-        states = cable_states(self.parameters, self.end_mass_radius, np.asarray(arc_lengths, float))
+        arc_lengths = np.asarray(arc_lengths, float)
+        states = cable_states(self.parameters, self.end_mass_radius, arc_lengths)
         return states[:, :3], states[:, 3:]
 
 
 @dataclass(frozen=True)
 class SteadyStates:
-    """All steady states in rising end-mass radius, and why there are none or some may be missing."""
+    """All steady states in rising end-mass radius, and why some or all may be missing."""
 
     states: tuple[SteadyState, ...]
     complete: bool

@@ -1,0 +1,115 @@
+"""The nearest ends of the tracked branch, kept up to date from one orbit to the next."""
+
+from dataclasses import dataclass, replace
+from math import exp, expm1, log, nan
+
+from ctcbs_ros.kernels.continuation import correct_fold
+from ctcbs_ros.prediction.prediction import Jump
+from ctcbs_ros.solver.branches import (
+    ANGULAR_RATE,
+    RADIUS_AT_SPEED,
+    BranchEnd,
+    Family,
+    Fold,
+    branch_ends,
+    family_between,
+    landing,
+)
+from ctcbs_ros.solver.steady_state import TOLERANCE, SteadyState
+
+# A change of the flight (in ln) after which the branch is traced anew rather than corrected.
+_RETRACE = 0.02
+
+
+@dataclass(frozen=True)
+class _End:
+    end: BranchEnd
+    landing_radius: float  # over the present tow radius
+
+
+class JumpFinder:
+    """Nearest folds of a branch in angular rate and in radius, both ways."""
+
+    def __init__(self):
+        self._traced_at: SteadyState | None = None
+        self._ends: list[_End] = []
+
+    def reset(self) -> None:
+        """Forget the branch (it was lost, or the end mass jumped)."""
+        self._traced_at = None
+
+    def update(self, state: SteadyState, may_end: bool = True) -> dict[str, Jump | None]:
+        """Nearest jump in angular rate and in radius, each relative to the present value.
+
+        Parameters
+        ----------
+        state : SteadyState
+        may_end : bool
+            False where the table knows that no branch ends anywhere near.
+
+        Returns
+        -------
+        dict
+            "angular_rate" and "radius": Jump with `at` and `landing_radius` in present units
+            (at: over the present value; landing_radius: over the present tow radius), or None.
+        """
+        if not may_end:
+            self.reset()
+            return {"angular_rate": None, "radius": None}
+        if self._traced_at is None:
+            self._retrace(state)
+        else:
+            _, moved = family_between(self._traced_at.parameters, state.parameters)
+            if moved > _RETRACE:
+                self._retrace(state)
+        ends = []
+        for end in self._ends:
+            corrected = self._corrected(end, state)
+            if corrected is None:
+                self._retrace(state)
+                ends = self._ends
+                break
+            ends.append(corrected)
+        return {
+            family.name: self._nearest([e for e in ends if e.end.family is family])
+            for family in (ANGULAR_RATE, RADIUS_AT_SPEED)
+        }
+
+    def _retrace(self, state: SteadyState) -> None:
+        self._traced_at = state
+        self._ends = []
+        for end in branch_ends(state):
+            after = landing(state.parameters, end.fold, end.family, end.direction)
+            radius = nan
+            if after is not None:
+                radius = after.end_mass_radius * _tow_radius(end.family, end.fold.tau)
+            self._ends.append(_End(end, radius))
+
+    def _corrected(self, known: _End, state: SteadyState) -> _End | None:
+        """The same fold at the present parameters; None if it is not found near by."""
+        p, before, end = state.parameters, self._traced_at.parameters, known.end
+        # The fold itself moves little in absolute terms: its tau shifts by what has been flown.
+        if end.family is ANGULAR_RATE:
+            flown = log(p.omega / before.omega)
+        else:
+            flown = log(before.length / p.length)
+        tau, u, good = correct_fold(
+            p.theta(), end.family.exponents(), p.length, end.family.length,
+            end.fold.tau - flown, log(end.fold.end_mass_radius), TOLERANCE,
+        )
+        if not good or tau * end.direction < 0.0:
+            return None
+        return _End(replace(end, fold=Fold(tau, exp(u))), known.landing_radius)
+
+    @staticmethod
+    def _nearest(ends: list[_End]) -> Jump | None:
+        if not ends:
+            return None
+        nearest = min(ends, key=lambda e: abs(e.end.fold.tau))
+        tau = nearest.end.fold.tau
+        return Jump(exp(tau), expm1(tau), nearest.landing_radius)
+
+
+def _tow_radius(family: Family, tau: float) -> float:
+    """Tow radius at tau over that at tau = 0."""
+    return exp(tau) if family is RADIUS_AT_SPEED else 1.0

@@ -1,0 +1,163 @@
+"""When each warning is due, and what it says: one line an engineer can act on."""
+
+from math import isfinite
+
+from ctcbs_ros.configuration import Cable, Envelope, WarningLimits
+from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.prediction.branch import Tracked
+from ctcbs_ros.prediction.codes import Level, SkipCode, Warning, WarningCode
+from ctcbs_ros.prediction.prediction import EndMass
+
+# Unevenness of the ground speed along a circle, over its mean, that only wind explains.
+WIND_VARIATION = 0.05
+
+_BAD_FIX = (SkipCode.BAD_FIX, SkipCode.NOT_FINITE, SkipCode.JUMP, SkipCode.FROZEN)
+
+
+def _warn(code: WarningCode, text: str) -> Warning:
+    return Warning(code, Level.WARN, text)
+
+
+def _error(code: WarningCode, text: str) -> Warning:
+    return Warning(code, Level.ERROR, text)
+
+
+def skip_warnings(skip: SkipCode) -> tuple[Warning, ...]:
+    """BAD_FIX where a sample was skipped for what it says, not for when it came."""
+    if skip not in _BAD_FIX:
+        return ()
+    return (_warn(WarningCode.BAD_FIX, f"position not believed ({skip.value})"),)
+
+
+def stale_telemetry(seconds: float, limits: WarningLimits) -> Warning | None:
+    """STALE_TELEMETRY after a time without a sample [s]."""
+    if seconds <= limits.stale_after:
+        return None
+    return _error(
+        WarningCode.STALE_TELEMETRY,
+        f"no position for {seconds:.1f} s (limit {limits.stale_after:g} s)",
+    )
+
+
+def not_orbiting(reason: str) -> Warning:
+    """NOT_ORBITING, with the estimator's reason."""
+    return _warn(WarningCode.NOT_ORBITING, reason)
+
+
+def envelope_warnings(orbit: Orbit, envelope: Envelope) -> list[Warning]:
+    """OUTSIDE_ENVELOPE for each quantity that is outside what was planned."""
+    found = []
+    for name, value, (low, high), unit in (
+        ("tow radius", orbit.radius, envelope.radius, "m"),
+        ("speed", orbit.speed, envelope.speed, "m/s"),
+    ):
+        if not low <= value <= high:
+            found.append(
+                _warn(
+                    WarningCode.OUTSIDE_ENVELOPE,
+                    f"{name} {value:.1f} {unit} is outside {low:g} to {high:g} {unit}",
+                )
+            )
+    return found
+
+
+def wind_warnings(variation: float) -> list[Warning]:
+    """WIND_UNMODELLED where the ground speed varies along the circle, or cannot be seen to.
+
+    Parameters
+    ----------
+    variation : float
+        Amplitude of the ground speed over its mean; nan if unknown.
+    """
+    if not isfinite(variation):
+        return [
+            _warn(
+                WarningCode.WIND_UNMODELLED,
+                "wind is not known; the prediction is for still air",
+            )
+        ]
+    if variation <= WIND_VARIATION:
+        return []
+    return [
+        _warn(
+            WarningCode.WIND_UNMODELLED,
+            f"ground speed varies by {variation:.0%} along the circle: there is wind, and the "
+            "prediction is for still air",
+        )
+    ]
+
+
+def tracking_warnings(tracked: Tracked) -> list[Warning]:
+    """NO_SOLUTION, JUMPED and MULTIPLE_SOLUTIONS."""
+    if tracked.state is None:
+        reason = tracked.reason or "no steady state at this orbit"
+        return [_error(WarningCode.NO_SOLUTION, reason)]
+    found = []
+    if tracked.jumps:
+        found.append(
+            _error(
+                WarningCode.JUMPED,
+                "the branch flown has ended: the end mass jumps to a radius of "
+                f"{tracked.state.end_mass_radius:.3g} tow radii",
+            )
+        )
+    if tracked.others:
+        radii = ", ".join(f"{s.end_mass_radius:.3g}" for s in tracked.others)
+        found.append(
+            _warn(
+                WarningCode.MULTIPLE_SOLUTIONS,
+                f"on branch '{tracked.branch}' at {tracked.state.end_mass_radius:.3g} tow radii; "
+                f"other steady states at {radii}",
+            )
+        )
+    return found
+
+
+def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) -> list[Warning]:
+    """UNSTABLE, LOW_MARGIN, NEAR_JUMP, TENSION_LIMIT and GROUND_PROXIMITY."""
+    found = []
+    state = end_mass.state
+    if not state.stable:
+        found.append(
+            _error(
+                WarningCode.UNSTABLE,
+                f"{end_mass.nearest_loss}: disturbances grow at {-state.margin_per_s:.3g} 1/s",
+            )
+        )
+    elif state.margin_per_s < limits.low_margin_per_s:
+        found.append(
+            _warn(
+                WarningCode.LOW_MARGIN,
+                f"disturbances decay at only {state.margin_per_s:.3g} 1/s "
+                f"(limit {limits.low_margin_per_s:g} 1/s); nearest loss: {end_mass.nearest_loss}",
+            )
+        )
+    jump = end_mass.jump_in_speed
+    if jump is not None and abs(jump.relative) < limits.near_jump:
+        found.append(
+            _warn(
+                WarningCode.NEAR_JUMP,
+                f"jump at {jump.at:.1f} m/s ({jump.relative:+.1%}) to a radius of "
+                f"{jump.landing_radius:.0f} m",
+            )
+        )
+    tension = max(state.tension_tow_point, state.tension_end_mass)
+    limit = limits.tension_fraction * cable.breaking_tension
+    if tension > limit:
+        found.append(
+            _error(
+                WarningCode.TENSION_LIMIT,
+                f"tension {tension:.1f} N is above {limits.tension_fraction:.0%} of the breaking "
+                f"tension {cable.breaking_tension:g} N",
+            )
+        )
+    if end_mass.height_above_home < limits.minimum_height:
+        ground = "home" if not isfinite(limits.ground_level_amsl) else "the ground"
+        found.append(
+            _error(
+                WarningCode.GROUND_PROXIMITY,
+                f"end mass {end_mass.height_above_home:.0f} m above {ground} "
+                f"(limit {limits.minimum_height:g} m)",
+            )
+        )
+    return found

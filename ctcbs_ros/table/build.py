@@ -1,0 +1,108 @@
+"""Computation of the continuation table, one row of tow radius at a time on every core."""
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from math import nan
+
+import numpy as np
+from tqdm import tqdm
+
+from ctcbs_ros.configuration import Configuration
+from ctcbs_ros.scaling import flight_point
+from ctcbs_ros.solver.branches import ANGULAR_RATE, RADIUS_AT_SPEED, branch_ends
+from ctcbs_ros.solver.sensitivity import sensitivities
+from ctcbs_ros.solver.stability import stability
+from ctcbs_ros.solver.steady_state import SteadyState, steady_states
+from ctcbs_ros.table.table import Table
+
+NODES = 33
+# One state: the fields of the table in the order of `_describe`, the last ones in pairs.
+_SINGLE = (
+    "end_mass_radius", "depth", "phase_lag", "tension_end_mass", "tension_tow_point",
+    "growth_rate", "frequency", "functions",
+)
+_PAIRS = ("radius_slope", "fold_angular_rate", "fold_radius")
+_WIDTH = len(_SINGLE) + 2 * len(_PAIRS)
+
+
+def build_table(configuration: Configuration, nodes: int = NODES, progress: bool = True) -> Table:
+    """Compute the table of a configuration over its envelope.
+
+    Parameters
+    ----------
+    configuration : Configuration
+    nodes : int
+        Grid lines a quantity, equally spaced in its logarithm.
+    progress : bool
+        Show a progress bar on standard error.
+
+    Returns
+    -------
+    Table
+    """
+    radius = np.geomspace(*configuration.envelope.radius, nodes)
+    speed = np.geomspace(*configuration.envelope.speed, nodes)
+    ground = configuration.limits.ground_level_amsl
+    density = configuration.air.density_at(ground if np.isfinite(ground) else 0.0)
+    rows: list = [None] * radius.size
+    # Spawned, not forked: the parent may run ROS's threads.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(mp_context=context) as pool:
+        jobs = {
+            pool.submit(_row, configuration, float(a), speed, density): i
+            for i, a in enumerate(radius)
+        }
+        bar = tqdm(
+            as_completed(jobs), total=len(jobs), desc="table", unit="row", disable=not progress
+        )
+        try:
+            for job in bar:
+                rows[jobs[job]] = job.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    count = np.array([[len(node) for node in row] for row in rows])
+    most = max(int(count.max()), 1)
+    states = np.full((radius.size, speed.size, most, _WIDTH), nan)
+    for i, row in enumerate(rows):
+        for j, node in enumerate(row):
+            if node:
+                states[i, j, : len(node)] = node
+    single = {name: states[..., k].copy() for k, name in enumerate(_SINGLE)}
+    first = len(_SINGLE)
+    pairs = {
+        name: states[..., first + 2 * k : first + 2 * k + 2].copy()
+        for k, name in enumerate(_PAIRS)
+    }
+    return Table(
+        radius=radius, speed=speed, density=float(density),
+        cable_length=configuration.cable.length, end_mass=configuration.end_mass.mass,
+        count=count, **single, **pairs,
+    )
+
+
+def _row(configuration: Configuration, radius: float, speeds: np.ndarray, density: float):
+    """All states of one tow radius: a list of (states, fields) lists, one for each speed."""
+    return [
+        [
+            _describe(state)
+            for state in steady_states(
+                flight_point(configuration, radius, float(speed), density).parameters
+            ).states
+        ]
+        for speed in speeds
+    ]
+
+
+def _describe(state: SteadyState) -> list[float]:
+    damping = stability(state)
+    moves = sensitivities(state, (RADIUS_AT_SPEED, ANGULAR_RATE))[:, 0] / state.end_mass_radius
+    folds = {ANGULAR_RATE.name: [nan, nan], RADIUS_AT_SPEED.name: [nan, nan]}
+    for end in branch_ends(state):
+        folds[end.family.name][0 if end.direction < 0 else 1] = end.fold.tau
+    return [
+        state.end_mass_radius, state.depth, state.phase_lag,
+        state.tension_end_mass, state.tension_tow_point,
+        damping.growth_rate, damping.frequency, float(damping.functions),
+        *moves, *folds[ANGULAR_RATE.name], *folds[RADIUS_AT_SPEED.name],
+    ]
