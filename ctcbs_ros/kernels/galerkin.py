@@ -51,7 +51,7 @@ def local_matrices(
     damping) act on u_s and are divided by omega^2.
 
     theta : (8,); gamma : elasticity of the vibration; elastic : whether the steady state
-    stretches; damping : time constant of the line times Omega; state : (6,) position and tension vector.
+    stretches; damping : time constant of the line times Omega; state : (6,) position and tension
     """
     o2 = theta[OMEGA] ** 2
     p = np.sqrt(state[3] ** 2 + state[4] ** 2 + state[5] ** 2)

@@ -59,6 +59,27 @@ def save_table(table: Table, configuration: Configuration, path: str | Path) -> 
             os.unlink(temporary)
 
 
+def writable(path: str | Path) -> None:
+    """Refuse a path that cannot be written before anything long is computed."""
+    path = Path(path)
+    folder = path.parent
+    while not folder.exists():
+        folder = folder.parent
+    if path.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
+        raise InputError(f"{path}: cannot be written; name a file in a folder of yours")
+
+
+def read_header(path: str | Path) -> dict:
+    """Format version, configuration hash and source of a file that `load_table` takes."""
+    load_table(path)
+    with np.load(path, allow_pickle=False) as archive:
+        return {
+            "format_version": int(archive["format_version"]),
+            "configuration_hash": str(archive["configuration_hash"]),
+            "source": str(archive["source"]),
+        }
+
+
 def load_table(path: str | Path, configuration: Configuration | None = None) -> Table:
     """Read a table, and check that it is whole and belongs to the configuration.
 
