@@ -1,0 +1,132 @@
+"""Flight logs as streams of samples, whatever their format; it is told by content, not by name."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+from ctcbs_ros.errors import InputError
+from ctcbs_ros.telemetry.dataflash import START as DATAFLASH_START
+from ctcbs_ros.telemetry.dataflash import DataflashDecoder
+from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
+from ctcbs_ros.telemetry.mavlink import MavlinkDecoder
+from ctcbs_ros.telemetry.sample import Sample, Vector
+
+CHUNK = 1 << 16
+# Bytes in which a log must show its format, and tell its vehicle if it can.
+HEAD = 1 << 20
+# Random bytes hold a frame with a right checksum now and then; of a log, this part is messages.
+LEAST_GOOD_PART = 1e-3
+
+
+class LogSource:
+    """A flight log: iterate over it for its samples, from the start each time.
+
+    Parameters
+    ----------
+    path : Path
+    new_decoder : callable
+        Makes the decoder of the log's format.
+
+    Attributes
+    ----------
+    path : Path
+    size : int
+        Bytes.
+    """
+
+    def __init__(self, path: Path, new_decoder: Callable[[], MavlinkDecoder | DataflashDecoder]):
+        self.path = path
+        self.size = path.stat().st_size
+        self._new_decoder = new_decoder
+        self._decoder = new_decoder()
+        self._read = 0
+
+    def __iter__(self) -> Iterator[Sample]:
+        self._decoder = self._new_decoder()
+        self._read = 0
+        with open(self.path, "rb") as log:
+            while data := log.read(CHUNK):
+                self._read += len(data)
+                yield from self._decoder.feed(data)
+            yield from self._decoder.feed(b"", last=True)
+
+    @property
+    def progress(self) -> float:
+        """Part of the log's bytes that has been read, 0 to 1."""
+        return min(1.0, self._read / self.size)
+
+    @property
+    def link(self) -> LinkStatistics:
+        """Counts over what has been read."""
+        return self._decoder.link
+
+    @property
+    def vehicle(self) -> Vehicle | None:
+        """The vehicle whose samples these are."""
+        return self._decoder.vehicle
+
+    @property
+    def wind(self) -> Vector | None:
+        """Wind by the autopilot at the newest sample, velocity towards east, north, up [m/s]."""
+        return self._decoder.wind
+
+
+def open_log(
+    path: str | Path, system: int | None = None, component: int | None = None
+) -> LogSource:
+    """Open a flight log.
+
+    Parameters
+    ----------
+    path : str or Path
+        A MAVLink log with receive stamps (.tlog) or without, or an ArduPilot DataFlash log (.BIN).
+    system, component : int, optional
+        MAVLink ids of the vehicle wanted; without them the first aircraft, see
+        `ctcbs_ros.telemetry.mavlink.VehicleDecoder`. A DataFlash log has one vehicle only.
+
+    Returns
+    -------
+    LogSource
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or has no message of these formats in its first MiB.
+    """
+    path = Path(path)
+    try:
+        with open(path, "rb") as log:
+            head = log.read(HEAD)
+    except OSError as error:
+        raise InputError(f"log {path}: cannot be read: {error.strerror or error}") from error
+    if not head:
+        raise InputError(f"log {path}: the file is empty")
+
+    if head.startswith(DATAFLASH_START):
+        trial = _tried(DataflashDecoder(), head)
+        decoder = partial(DataflashDecoder, vehicle=trial.vehicle, unix_anchor=trial.unix_anchor)
+    else:
+        trials = {
+            stamped: _tried(MavlinkDecoder(stamped, system, component), head)
+            for stamped in (True, False)
+        }
+        # Read the wrong way, a log is damaged at every stamp.
+        stamped = trials[True].link.bad_bytes <= trials[False].link.bad_bytes
+        trial = trials[stamped]
+        decoder = partial(MavlinkDecoder, stamped, system, component, vehicle=trial.vehicle)
+
+    good = len(head) - trial.link.bad_bytes
+    if trial.link.messages == 0 or good < LEAST_GOOD_PART * len(head):
+        raise InputError(
+            f"log {path}: no MAVLink or DataFlash message found; allowed: a .tlog, a MAVLink "
+            "stream without time stamps, or an ArduPilot .BIN"
+        )
+    return LogSource(path, decoder)
+
+
+def _tried(decoder, head: bytes):
+    """The decoder after it has read the head of a log."""
+    for _ in decoder.feed(head, last=True):
+        pass
+    decoder.choose_any()
+    return decoder
