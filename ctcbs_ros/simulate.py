@@ -1,255 +1,243 @@
-"""Simulated flight of the tow aircraft: straight entry, turns over a ground circle, straight exit.
+"""Flight logs without a flight: a simulated flight in the MAVLink messages that an autopilot sends.
 
-The airspeed is constant. To stay on its circle in wind the aircraft changes heading and bank, and
-its ground speed v along the tangent t is that of the wind triangle, |v t - wind| = airspeed.
+flight = simulate_flight(radius=80.0, speed=20.0, turns=6.0)
+write_tlog("flight.tlog", flight, latitude=47.4, longitude=8.5, position_noise=1.5)
 """
 
+import os
+import struct
 from dataclasses import dataclass
-from math import isfinite, pi
+from math import degrees, pi, radians
+from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from pymavlink.dialects.v20 import all as dialect
 
 from ctcbs_ros.errors import InputError
+from ctcbs_ros.geodesy import Datum, to_geodetic
+from ctcbs_ros.simulated_flight import SimulatedFlight, simulate_flight
 
-GRAVITY = 9.80665  # m/s^2
-LARGEST_BANK = np.radians(80.0)
-STRAIGHT_TIME = 15.0  # s in still air, at entry and exit
-RATES = (0.1, 100.0)  # Hz
-MOST_TURNS = 10_000  # four days at one in half a minute
+__all__ = ["SimulatedFlight", "simulate_flight", "write_tlog"]
 
-
-@dataclass(frozen=True)
-class SimulatedFlight:
-    """The true flight, sampled; n samples, in a frame with the circle's centre at home level.
-
-    Attributes
-    ----------
-    time : (n,) ndarray
-        Seconds from the first sample, whole milliseconds.
-    position, velocity : (n, 3) ndarray
-        East, north, up [m], over the ground [m/s].
-    heading : (n,) ndarray
-        ENU angle of the velocity through the air [rad].
-    turn_rate : (n,) ndarray
-        Rate of the heading [rad/s], positive anticlockwise.
-    bank : (n,) ndarray
-        Bank angle of the coordinated turn [rad], positive to the right.
-    radius : (n,) ndarray
-        Distance of the track from the centre that is flown [m]; nan on the straights.
-    airspeed : float
-        [m/s]
-    wind : (2,) ndarray
-        Velocity of the air towards east, north [m/s].
-    """
-
-    time: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    heading: np.ndarray
-    turn_rate: np.ndarray
-    bank: np.ndarray
-    radius: np.ndarray
-    airspeed: float
-    wind: np.ndarray
+# Nothing in the file depends on when it was made: the flight begins 2026-01-01 12:00 UTC, a minute
+# after the autopilot's start.
+EPOCH_US = 1_767_268_800_000_000
+BOOT_MS = 60_000
+LINK_DELAY_US = 40_000
+# Accuracies that the receiver states at least [m], [m/s]: no real one claims none.
+LEAST_POSITION_ACCURACY, LEAST_SPEED_ACCURACY = 0.1, 0.05
 
 
-def simulate_flight(
-    radius: float,
-    speed: float,
-    turns: float,
+def write_tlog(
+    path: str | Path,
+    flight: SimulatedFlight,
     *,
-    sense: int = 1,
-    height: float = 300.0,
-    rate: float = 5.0,
-    wind: tuple[float, float] = (0.0, 0.0),
-    radius_change: tuple[float, float] | None = None,
-) -> SimulatedFlight:
-    """Fly turns about the origin, entered and left on tangents.
+    latitude: float,
+    longitude: float,
+    home_altitude: float = 100.0,
+    geoid_height: float = 47.0,
+    position_noise: float = 0.0,
+    velocity_noise: float = 0.0,
+    gap: tuple[float, float] | None = None,
+    seed: int = 0,
+) -> int:
+    """Write a flight as MAVLink 2 with receive stamps; the same arguments give the same bytes.
+
+    At each sample GPS_RAW_INT, ATTITUDE and GLOBAL_POSITION_INT; once a second HEARTBEAT (fixed
+    wing, system 1, component 1), SYSTEM_TIME, VFR_HUD and, where there is wind, WIND.
 
     Parameters
     ----------
-    radius : float
-        Radius of the ground circle [m].
-    speed : float
-        Airspeed [m/s].
-    turns : float
-        Turns about the centre in all.
-    sense : int
-        +1 anticlockwise, -1 clockwise, seen from above.
-    height : float
-        Height above home [m].
-    rate : float
-        Samples a second [Hz].
-    wind : (float, float)
-        Velocity of the air towards east, north [m/s].
-    radius_change : (float, float), optional
-        Another radius [m], and after how many turns the spiral to it begins. It takes a quarter
-        turn, or as many quarters as it takes to bank little more than on the circles and never
-        to the other side.
+    path : str or Path
+        File to be written; it appears, or is replaced, when it is complete.
+    flight : SimulatedFlight
+    latitude, longitude : float
+        Of the circle's centre, above home [deg].
+    home_altitude : float
+        Height of home above mean sea level [m].
+    geoid_height : float
+        Ellipsoidal height less that above mean sea level [m].
+    position_noise, velocity_noise : float
+        Standard deviation of the white noise on each axis [m], [m/s].
+    gap : (float, float), optional
+        Start, in seconds from the first sample, and duration [s] of a loss of everything.
+    seed : int
+        Of the noise.
 
     Returns
     -------
-    SimulatedFlight
+    int
+        Position messages written.
 
     Raises
     ------
     InputError
-        If an argument is not possible, the wind stronger than the airspeed, or the bank steeper
-        than 80 degrees.
+        If an argument is out of range or the file cannot be written.
     """
-    _require("radius", radius, "m", low=0.0)
-    _require("speed", speed, "m/s", low=0.0)
-    _require("turns", turns, "turns", low=0.0, high=MOST_TURNS)
-    _require("height", height, "m", low=-500.0, high=20_000.0)
-    _require("rate", rate, "Hz", *RATES)
-    wind = np.array(wind, float)
-    strength = float(np.hypot(*wind))
-    if not strength < speed:
-        raise InputError(f"wind {strength:g} m/s: must be less than the airspeed, {speed:g} m/s")
-    track = _Track(radius, turns, sense, radius_change)
-    _, bank = _turning(track, track.each_part_once(), speed, wind)
-    steepest = np.abs(bank).max()
-    if steepest > LARGEST_BANK:
-        raise InputError(
-            f"radius {min(radius, track.final_radius):g} m at speed {speed:g} m/s: needs a bank "
-            f"of {np.degrees(steepest):.0f} deg; at most 80 deg are flown"
+    _refuse("latitude", latitude, -90.0, 90.0)
+    _refuse("longitude", longitude, -180.0, 180.0)
+    _refuse("position noise", position_noise, 0.0, 1e3)
+    _refuse("velocity noise", velocity_noise, 0.0, 1e2)
+    _refuse("seed", seed, 0, 2**64)
+    gap_start, gap_duration = gap or (0.0, 0.0)
+    _refuse("gap start", gap_start, 0.0, 1e6)
+    _refuse("gap duration", gap_duration, 0.0, 1e6)
+
+    random = np.random.default_rng(seed)
+    position = flight.position + random.normal(0.0, position_noise, flight.position.shape)
+    velocity = flight.velocity + random.normal(0.0, velocity_noise, flight.velocity.shape)
+    home = Datum(latitude, longitude, home_altitude + geoid_height, True)
+    measured = _Measured(
+        *to_geodetic(home, *position.T), velocity, home_altitude, geoid_height,
+        horizontal_accuracy=max(position_noise, LEAST_POSITION_ACCURACY),
+        speed_accuracy=max(velocity_noise, LEAST_SPEED_ACCURACY),
+    )  # fmt: skip
+    received = (flight.time < gap_start) | (flight.time >= gap_start + gap_duration)
+
+    path = Path(path)
+    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with open(unfinished, "wb") as log:
+            _write(log, flight, measured, np.flatnonzero(received))
+        os.replace(unfinished, path)
+    except OSError as error:
+        raise InputError(f"log {path}: cannot be written: {error.strerror or error}") from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+    return int(received.sum())
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """What the autopilot makes of the flight: degrees, metres above the ellipsoid, ENU m/s."""
+
+    latitude: np.ndarray
+    longitude: np.ndarray
+    altitude: np.ndarray
+    velocity: np.ndarray
+    home_altitude: float
+    geoid_height: float
+    horizontal_accuracy: float
+    speed_accuracy: float
+
+
+class _StampedFile:
+    """Puts the receive stamp before each frame written."""
+
+    def __init__(self, log: BinaryIO):
+        self._log = log
+        self.stamp_us = 0
+
+    def write(self, frame: bytes) -> None:
+        self._log.write(struct.pack(">Q", self.stamp_us) + frame)
+
+
+def _write(log: BinaryIO, flight: SimulatedFlight, measured: _Measured, samples) -> None:
+    stamped = _StampedFile(log)
+    autopilot = dialect.MAVLink(stamped, srcSystem=1, srcComponent=1)
+    second = None
+    for i in samples:
+        time_ms = round(flight.time[i] * 1000)
+        stamped.stamp_us = EPOCH_US + time_ms * 1000 + LINK_DELAY_US
+        messages = []
+        if time_ms // 1000 != second:
+            second = time_ms // 1000
+            messages += _each_second(flight, measured, i, time_ms)
+        messages += _each_sample(flight, measured, i, time_ms)
+        for message in messages:
+            autopilot.send(message)
+
+
+def _each_second(flight: SimulatedFlight, measured: _Measured, i: int, time_ms: int) -> list:
+    east, north, up = measured.velocity[i]
+    messages = [
+        dialect.MAVLink_heartbeat_message(
+            type=dialect.MAV_TYPE_FIXED_WING,
+            autopilot=dialect.MAV_AUTOPILOT_ARDUPILOTMEGA,
+            base_mode=dialect.MAV_MODE_FLAG_SAFETY_ARMED
+            | dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+            custom_mode=dialect.PLANE_MODE_LOITER,
+            system_status=dialect.MAV_STATE_ACTIVE,
+            mavlink_version=3,
+        ),
+        dialect.MAVLink_system_time_message(
+            time_unix_usec=EPOCH_US + time_ms * 1000, time_boot_ms=BOOT_MS + time_ms
+        ),
+        dialect.MAVLink_vfr_hud_message(
+            airspeed=flight.airspeed,
+            groundspeed=float(np.hypot(east, north)),
+            heading=round(_compass(flight.heading[i])) % 360,
+            throttle=50,
+            alt=measured.altitude[i] - measured.geoid_height,
+            climb=up,
+        ),
+    ]
+    if flight.wind.any():
+        messages.append(
+            dialect.MAVLink_wind_message(
+                direction=_compass(np.arctan2(*-flight.wind[::-1])),
+                speed=float(np.hypot(*flight.wind)),
+                speed_z=0.0,
+            )
         )
-
-    first = -speed * STRAIGHT_TIME / radius
-    last = track.end + speed * STRAIGHT_TIME / track.final_radius
-
-    def rate_of(_, u):
-        _, slope, _ = track(u)
-        return _ground_speed(slope, speed, wind)[0] / np.linalg.norm(slope, axis=-1)
-
-    def at_end(_, u):
-        return u[0] - last
-
-    at_end.terminal = True
-    slowest = (speed - strength) / (max(radius, track.final_radius) * 2)
-    flown = solve_ivp(
-        rate_of,
-        (0.0, (last - first) / slowest),
-        [first],
-        method="DOP853",
-        dense_output=True,
-        events=at_end,
-        rtol=1e-10,
-        atol=1e-10,
-    )
-    # The vehicle's clock counts milliseconds; the truth is that of the very instants it can state.
-    time = np.round(np.arange(0.0, flown.t[-1], 1 / rate), 3)
-    u = flown.sol(time)[0]
-    position, slope, _ = track(u)
-    ground_speed, tangent = _ground_speed(slope, speed, wind)
-    velocity = ground_speed[:, None] * tangent
-    air_velocity = velocity - wind
-    turn_rate, bank = _turning(track, u, speed, wind)
-    on_circle = (u >= 0) & (u <= track.end)
-    still = np.zeros(len(time))
-    return SimulatedFlight(
-        time=time,
-        position=np.column_stack([position, still + height]),
-        velocity=np.column_stack([velocity, still]),
-        heading=np.arctan2(air_velocity[:, 1], air_velocity[:, 0]),
-        turn_rate=turn_rate,
-        bank=bank,
-        radius=np.where(on_circle, np.linalg.norm(position, axis=1), np.nan),
-        airspeed=speed,
-        wind=wind,
-    )
+    return messages
 
 
-class _Track:
-    """Path over the ground by the angle u turned through; straight tangents before 0 and past end.
-
-    Calling it gives position and its first and second derivatives by u, each (n, 2).
-    """
-
-    def __init__(self, radius, turns, sense, radius_change):
-        self.radius = self.final_radius = radius
-        self.end = 2 * pi * turns
-        self._sense = sense
-        self._change_start, self._change_length = 0.0, pi / 2
-        if radius_change:
-            self.final_radius, after = radius_change
-            _require("radius change", self.final_radius, "m", low=0.0)
-            _require("radius change after", after, "turns", low=0.0, high=turns)
-            self._change_start = 2 * pi * after
-            self._lengthen_change()
-
-    def __call__(self, u):
-        u = np.asarray(u, float)
-        turned = np.clip(u, 0.0, self.end)
-        r, dr, ddr = self._radius(turned)
-        s = self._sense
-        outward = np.stack([np.cos(turned), s * np.sin(turned)], axis=-1)
-        along = np.stack([-np.sin(turned), s * np.cos(turned)], axis=-1)
-        slope = dr * outward + r * along
-        position = r * outward + (u - turned)[..., None] * slope
-        bend = (ddr - r) * outward + 2 * dr * along
-        return position, slope, np.where((u == turned)[..., None], bend, 0.0)
-
-    def each_part_once(self):
-        """Angles over a whole turn of each circle and over the change between them."""
-        change_end = self._change_start + self._change_length
-        starts = np.array([0.0, self._change_start, self.end - 2 * pi])
-        stops = np.array([2 * pi, change_end, self.end])
-        return np.clip(np.linspace(starts, stops, 721).ravel(), 0.0, self.end)
-
-    def _radius(self, turned):
-        """Radius and its derivatives; a quintic in u takes it from one value to the other."""
-        x = np.clip((turned - self._change_start) / self._change_length, 0.0, 1.0)[..., None]
-        step = self.final_radius - self.radius
-        slope, bend = step / self._change_length, step / self._change_length**2
-        return (
-            self.radius + step * x**3 * (10 - 15 * x + 6 * x**2),
-            slope * 30 * x**2 * (1 - x) ** 2,
-            bend * 60 * x * (1 - x) * (1 - 2 * x),
-        )
-
-    def _lengthen_change(self):
-        sharpest = 1.25 / min(self.radius, self.final_radius)
-        while self._change_start + self._change_length <= self.end + 1e-9:
-            u = self._change_start + self._change_length * np.linspace(0, 1, 181)
-            _, slope, bend = self(u)
-            curvature = _cross(slope, bend) * self._sense / np.linalg.norm(slope, axis=1) ** 3
-            if curvature.min() >= 0 and curvature.max() <= sharpest:
-                return
-            self._change_length += pi / 2
-        raise InputError(
-            f"radius change to {self.final_radius:g} m after {self._change_start / 2 / pi:g} "
-            f"turns: the {self.end / 2 / pi:g} turns flown leave too little to spiral there"
-        )
+def _each_sample(flight: SimulatedFlight, measured: _Measured, i: int, time_ms: int) -> list:
+    east, north, up = measured.velocity[i]
+    boot_ms = BOOT_MS + time_ms
+    position = {
+        "lat": round(measured.latitude[i] * 1e7),
+        "lon": round(measured.longitude[i] * 1e7),
+    }
+    ellipsoidal_mm = round(measured.altitude[i] * 1000)
+    amsl_mm = round((measured.altitude[i] - measured.geoid_height) * 1000)
+    yaw = _compass(flight.heading[i])
+    bank, yaw_rate = flight.bank[i], -flight.turn_rate[i]
+    return [
+        dialect.MAVLink_gps_raw_int_message(
+            time_usec=boot_ms * 1000,
+            fix_type=dialect.GPS_FIX_TYPE_3D_FIX,
+            **position,
+            alt=amsl_mm,
+            eph=80,
+            epv=120,
+            vel=round(np.hypot(east, north) * 100),
+            cog=round(_compass(np.arctan2(north, east)) * 100) % 36000,
+            satellites_visible=14,
+            alt_ellipsoid=ellipsoidal_mm,
+            h_acc=round(measured.horizontal_accuracy * 1000),
+            v_acc=round(measured.horizontal_accuracy * 1500),
+            vel_acc=round(measured.speed_accuracy * 1000),
+        ),
+        dialect.MAVLink_attitude_message(
+            time_boot_ms=boot_ms,
+            roll=bank,
+            pitch=0.0,
+            yaw=(radians(yaw) + pi) % (2 * pi) - pi,
+            rollspeed=0.0,
+            pitchspeed=yaw_rate * np.sin(bank),
+            yawspeed=yaw_rate * np.cos(bank),
+        ),
+        dialect.MAVLink_global_position_int_message(
+            time_boot_ms=boot_ms,
+            **position,
+            alt=amsl_mm,
+            relative_alt=amsl_mm - round(measured.home_altitude * 1000),
+            vx=round(north * 100),
+            vy=round(east * 100),
+            vz=round(-up * 100),
+            hdg=round(yaw * 100) % 36000,
+        ),
+    ]
 
 
-def _ground_speed(slope, airspeed, wind):
-    """Speed along the track by the wind triangle, and the track's tangent."""
-    tangent = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
-    return tangent @ wind + _air_along_track(tangent, airspeed, wind), tangent
+def _compass(angle: float) -> float:
+    """Degrees clockwise from north, 0 to 360, of an ENU angle [rad]."""
+    return degrees(pi / 2 - angle) % 360
 
 
-def _air_along_track(tangent, airspeed, wind):
-    return np.sqrt(airspeed**2 - _cross(tangent, wind) ** 2)
-
-
-def _turning(track, u, airspeed, wind):
-    """Rate of the heading [rad/s], anticlockwise, and the coordinated bank [rad], to the right."""
-    _, slope, bend = track(u)
-    ground_speed, tangent = _ground_speed(slope, airspeed, wind)
-    curvature = _cross(slope, bend) / np.linalg.norm(slope, axis=-1) ** 3
-    # The triangle's derivative: the heading turns faster than the track by this ratio of speeds.
-    turn_rate = curvature * ground_speed**2 / _air_along_track(tangent, airspeed, wind)
-    return turn_rate, -np.arctan(airspeed * turn_rate / GRAVITY)
-
-
-def _cross(a, b):
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
-def _require(name, value, unit, low, high=float("inf")):
-    """Refuse a number not above `low`, or above `high`."""
-    if not (isfinite(value) and low < value <= high):
-        upper = f" and at most {high:g}" if isfinite(high) else ""
-        raise InputError(f"{name} {value:g} {unit}: must be above {low:g}{upper}")
+def _refuse(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise InputError(f"{name} {value:g}: must be from {low:g} to {high:g}")

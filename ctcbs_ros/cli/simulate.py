@@ -42,8 +42,7 @@ def add_parser(subparsers) -> None:
 def run(args) -> int:
     """Simulate the flight and write its log."""
     from ctcbs_ros.configuration import load_configuration
-    from ctcbs_ros.simulate import simulate_flight
-    from ctcbs_ros.telemetry.tlog import write_tlog
+    from ctcbs_ros.simulate import simulate_flight, write_tlog
 
     configuration = load_configuration(args.config)
     latitude, longitude = _pair("--center", args.center, "LAT,LON")
