@@ -1,8 +1,8 @@
 """Least-squares circle through positions, with the velocities tangent to it.
 
-Residuals are geometric: each position's distance from the circle and each velocity's component along
-the radius, in units of their standard deviations. Nothing is assumed of the speed along the circle,
-so that a circle held over the ground in wind fits as well as one in still air.
+Residuals are geometric: each position's distance from the circle and each velocity's component
+along the radius, in units of their standard deviations. Nothing is assumed of the speed along the
+circle, so that a circle held over the ground in wind fits as well as one in still air.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,10 @@ import numpy as np
 
 # Huber's constant: 95 % efficiency for normal errors (Huber and Ronchetti, Robust Statistics).
 HUBER = 1.345
-_ITERATIONS = 12
+_ITERATIONS = 30
+# A velocity late by its receiver's filter is off by far more than its stated error, all around the
+# circle: beyond this many deviations all velocities are believed less.
+_LATE = 2.0
 
 
 @dataclass(frozen=True)
@@ -55,8 +58,8 @@ def algebraic_circle(points: np.ndarray) -> tuple[np.ndarray, float] | None:
 
     References
     ----------
-    G. Taubin, Estimation of planar curves, IEEE PAMI 13 (1991); in the form of N. Chernov, Circular
-    and Linear Regression (2010), section 5.
+    G. Taubin, Estimation of planar curves, IEEE PAMI 13 (1991); in the form of N. Chernov,
+    Circular and Linear Regression (2010), section 5.
     """
     mean = points.mean(axis=0)
     x, y = (points - mean).T
@@ -107,10 +110,9 @@ def fit_circle(
     center, radius = np.array(start[0], float), float(start[1])
     moving = np.isfinite(velocities[:, 0])
     v = velocities[moving]
-    sigma = np.concatenate([position_sigma, velocity_sigma[moving]])
     n = len(points)
     jacobian = np.zeros((n + len(v), 3))
-    converged = False
+    converged, first = False, True
     for _ in range(_ITERATIONS):
         offset = points - center
         distance = np.hypot(offset[:, 0], offset[:, 1])
@@ -119,6 +121,10 @@ def fit_circle(
         unit = offset / distance[:, None]
         radial = distance - radius
         along = np.sum(v * unit[moving], axis=1)
+        if first:
+            first = False
+            late = np.median(np.abs(along) / velocity_sigma[moving]) / _LATE if len(v) else 0.0
+            sigma = np.concatenate([position_sigma, velocity_sigma[moving] * max(1.0, late)])
         residual = np.concatenate([radial, along]) / sigma
         jacobian[:n, :2] = -unit
         jacobian[:n, 2] = -1.0
@@ -134,7 +140,7 @@ def fit_circle(
         center, radius = center + step[:2], radius + step[2]
         if not radius > 0.0 or not np.all(np.isfinite(center)):
             return None
-        if np.linalg.norm(step) < 1e-4 * radius:
+        if np.linalg.norm(step) < 3e-4 * radius:
             converged = True
             break
     if not converged:

@@ -32,6 +32,8 @@ class OrbitSettings:
     least_sigma : float
         Smallest standard deviation of a position believed [m]: an autopilot does not hold a circle
         better than this.
+    least_velocity_sigma : float
+        Smallest standard deviation of a velocity believed [m/s].
     residual_share : float
         Largest root mean square distance from the circle, over its radius, beyond the noise.
     trend_share : float
@@ -51,6 +53,7 @@ class OrbitSettings:
     position_sigma: float = 2.0
     velocity_sigma: float = 0.4
     least_sigma: float = 0.3
+    least_velocity_sigma: float = 0.05
     residual_share: float = 0.03
     trend_share: float = 0.15
     minimum_radius: float = 5.0
@@ -118,9 +121,9 @@ class OrbitEstimator:
         if self._end > self._first and time - self._rows[self._end - 1, _TIME] > s.longest_gap:
             self.reset()
         self._append(time, position, velocity, position_sigma, velocity_sigma)
-        rows = self._window()
-        if len(rows) < 6:
+        if self._end - self._first < 6:
             return self._none("too few samples yet")
+        rows = self._window()
         turned = abs(rows[-1, _COURSE] - rows[0, _COURSE])
         if turned < 0.8 * s.least_arc:
             return self._none(
@@ -128,15 +131,29 @@ class OrbitEstimator:
                 f"{rows[-1, _TIME] - rows[0, _TIME]:.0f} s"
             )
         reason = ""
-        for share in _SHARES:
-            part = _newest(rows, share * turned)
-            if len(part) < 6:
-                break
+        for part in self._candidates(rows, turned):
             fix = self._fit(part)
             if fix.orbit is not None:
                 return fix
             reason = reason or fix.reason
         return self._none(reason)
+
+    def _candidates(self, rows: np.ndarray, turned: float):
+        """Windows to try: what lies on the circle flown so far, then ever shorter ones."""
+        if self._last is not None:
+            center, radius = self._last.center, self._last.radius
+            off = np.abs(np.hypot(rows[:, _E] - center[0], rows[:, _N] - center[1]) - radius)
+            near = off < np.hypot(4.0 * rows[:, _SP], 0.08 * radius)
+            # A single glitch does not end the run: three in a row do.
+            away = np.flatnonzero(~near[2:] & ~near[1:-1] & ~near[:-2])
+            run = rows[away[-1] + 3 :] if away.size else rows
+            if 6 <= len(run) < len(rows):
+                yield run
+        for share in _SHARES:
+            part = _newest(rows, share * turned)
+            if len(part) < 6:
+                return
+            yield part
 
     def _none(self, reason: str) -> OrbitFix:
         self._last = None
@@ -153,8 +170,10 @@ class OrbitEstimator:
         row[_TIME] = time
         row[_E : _U + 1] = position
         row[_VE : _VN + 1] = nan if velocity is None else velocity[:2]
-        row[_SP] = max(position_sigma if isfinite(position_sigma) else s.position_sigma, s.least_sigma)
-        row[_SV] = max(velocity_sigma if isfinite(velocity_sigma) else s.velocity_sigma, 0.05)
+        stated = position_sigma if isfinite(position_sigma) else s.position_sigma
+        row[_SP] = max(stated, s.least_sigma)
+        stated = velocity_sigma if isfinite(velocity_sigma) else s.velocity_sigma
+        row[_SV] = max(stated, s.least_velocity_sigma)
         row[_COURSE] = self._course(row)
         self._end += 1
 
@@ -183,7 +202,7 @@ class OrbitEstimator:
         return expected + (course - expected + pi) % _TURN - pi
 
     def _window(self) -> np.ndarray:
-        """The newest samples, as far back as the course keeps turning, up to the window's angle."""
+        """The newest samples, as far back as the course keeps turning and the window reaches."""
         s = self._settings
         rows = self._rows[self._first : self._end]
         course = rows[:, _COURSE]
@@ -293,8 +312,8 @@ def _angles(offset: np.ndarray, time: np.ndarray, rate: float) -> np.ndarray:
 def _mean_rate(time, angle, rows, fit, arc) -> tuple[float, float]:
     """Mean angular rate [rad/s] and its variance, of the angle against time.
 
-    In wind the rate varies once a turn. Over a whole turn that variation is fitted beside the mean;
-    over less it cannot be told from the mean, and the scatter of the residuals says so.
+    In wind the rate varies once a turn. Over a whole turn that variation is fitted beside the
+    mean; over less it cannot be told from the mean, and the scatter of the residuals says so.
     """
     t = time - time[-1]
     columns = [np.ones_like(t), t]
@@ -330,6 +349,5 @@ def _height(time, rows) -> tuple[float, float, float]:
     solution, *_ = np.linalg.lstsq(design, rows[:, _U], rcond=None)
     residual = rows[:, _U] - design @ solution
     variance = max(float(residual @ residual) / max(len(t) - 2, 1), float(rows[-1, _SP]) ** 2)
-    return float(solution[0]), float(solution[1]), float(
-        variance * np.linalg.pinv(design.T @ design)[0, 0]
-    )
+    spread = float(np.linalg.pinv(design.T @ design)[0, 0])
+    return float(solution[0]), float(solution[1]), variance * spread

@@ -1,8 +1,8 @@
 """The orbits of a flight, one after another, for its summary."""
 
+from collections import deque
 from dataclasses import dataclass
-from itertools import pairwise
-from math import hypot, pi
+from math import atan2, hypot, pi
 
 import numpy as np
 
@@ -13,6 +13,13 @@ _LOST_AFTER = 8.0
 # Change of radius or centre, over the radius, that makes another orbit once it lasts.
 _MOVED = 0.15
 _LASTS = 0.5 * pi
+# Distance from the circle, over the radius, within which the aircraft is joining it.
+_JOINING = 0.25
+# Less than this is a turn, not an orbit [turns].
+_LEAST_TURNS = 0.9
+# Bounds of the memory: samples kept for backdating, and orbits kept of one circle.
+_LONGEST_TRACK = 5_000
+_MOST_SAMPLED = 2_000
 
 
 @dataclass(frozen=True)
@@ -22,7 +29,8 @@ class OrbitSegment:
     Attributes
     ----------
     start_time, end_time : float
-        Vehicle clock [s]; the start is that of the first estimate's window.
+        Vehicle clock [s]; from where the track first lies on the circle, before the first
+        estimate.
     turns : float
     radius : float
         Tow radius [m].
@@ -50,65 +58,98 @@ class OrbitSegment:
 
 
 class OrbitSegments:
-    """Collects orbits sample by sample."""
+    """Collects orbits sample by sample, in bounded memory."""
 
     def __init__(self):
         self._done: list[OrbitSegment] = []
-        self._orbits: list[Orbit] = []
-        self._moved: list[Orbit] = []
+        self._run: _Run | None = None
+        # Orbits that have left the run's circle, and may prove to be another one.
+        self._moved: _Run | None = None
+        self._track: deque[tuple[float, float, float]] = deque(maxlen=_LONGEST_TRACK)
 
-    def add(self, time: float, orbit: Orbit | None) -> None:
-        """Take in the estimate at a time [s], None where there is no orbit."""
+    def add(self, time: float, orbit: Orbit | None, position: np.ndarray) -> None:
+        """Take in the estimate at a time [s], None where there is no orbit, and the tow point."""
+        self._track.append((time, float(position[0]), float(position[1])))
         if orbit is None:
-            newest = (self._moved or self._orbits)[-1:] or None
-            if newest and time - newest[0].time > _LOST_AFTER:
+            newest = self._moved or self._run
+            if newest is not None and time - newest.last.time > _LOST_AFTER:
                 self._close()
             return
-        if self._orbits:
-            reference = self._reference()
-            if orbit.sense != self._orbits[0].sense:
+        if self._run is not None and orbit.sense != self._run.last.sense:
+            self._close()
+        if self._run is None:
+            self._run = _Run(orbit)
+        elif _is_elsewhere(orbit, self._run.middle):
+            if self._moved is None:
+                self._moved = _Run(orbit)
+            else:
+                self._moved.add(orbit)
+            if self._moved.angle > _LASTS:
+                moved, self._moved = self._moved, None
                 self._close()
-            elif _is_elsewhere(orbit, reference):
-                self._moved.append(orbit)
-                if _flown(self._moved) > _LASTS:
-                    moved, self._moved = self._moved, []
-                    self._close()
-                    self._orbits = moved
-                return
-        self._orbits += [*self._moved, orbit]
-        self._moved = []
+                self._run = moved
+        else:
+            self._moved = None
+            self._run.add(orbit)
 
     def finish(self) -> list[OrbitSegment]:
         """All orbits of the flight so far; the one still flown is ended here."""
         self._close()
         return self._done
 
-    def _reference(self) -> Orbit:
-        """The orbit that others are compared with: the middle one so far."""
-        return self._orbits[len(self._orbits) // 2]
-
     def _close(self) -> None:
-        orbits = self._orbits + self._moved
-        self._orbits, self._moved = [], []
-        if not orbits:
+        run, self._run, self._moved = self._run, None, None
+        if run is None:
             return
         # The first windows still hold the entry: what they say is left to the ones after.
-        settled = [o for o in orbits if o.arc > 0.9 * 2.0 * pi] or orbits[len(orbits) // 2 :]
+        settled = [o for o in run.sampled if o.arc > 0.9 * 2.0 * pi]
+        settled = settled or run.sampled[len(run.sampled) // 2 :]
         radius = float(np.median([o.radius for o in settled]))
         rate = float(np.median([o.angular_rate for o in settled]))
+        center = np.median([o.center[:2] for o in settled], axis=0)
+        start, before = self._backdated(run.first, center, radius, rate)
+        turns = (before + run.first.arc + run.angle) / (2.0 * pi)
+        if turns < _LEAST_TURNS:
+            return
         self._done.append(
             OrbitSegment(
-                start_time=orbits[0].start_time,
-                end_time=orbits[-1].time,
-                turns=(orbits[0].arc + _flown(orbits)) / (2.0 * pi),
+                start_time=start,
+                end_time=run.last.time,
+                turns=turns,
                 radius=radius,
                 speed=radius * rate,
-                sense=orbits[0].sense,
-                center=np.median([o.center[:2] for o in settled], axis=0),
+                sense=run.first.sense,
+                center=center,
                 up=float(np.median([o.center[2] for o in settled])),
                 angular_rate=rate,
             )
         )
+
+    def _backdated(self, first: Orbit, center, radius: float, rate: float) -> tuple[float, float]:
+        """When the track came onto the circle, and the angle flown from then to the first window.
+
+        Searched backwards from the first window, to the end of the orbit before at the most.
+        """
+        start, angle = first.start_time, 0.0
+        earliest = self._done[-1].end_time if self._done else -np.inf
+        last = None
+        for time, east, north in reversed(self._track):
+            azimuth = atan2(north - center[1], east - center[0])
+            if time > first.start_time:
+                continue
+            off = abs(hypot(east - center[0], north - center[1]) - radius)
+            if time < earliest or off > _JOINING * radius:
+                break
+            if last is not None:
+                if start - time > _LOST_AFTER:
+                    break
+                expected = first.sense * rate * (start - time)
+                step = (last - azimuth - expected + pi) % (2.0 * pi) - pi + expected
+                if step * first.sense < 0.0 and abs(step) > 0.2:
+                    break
+                angle += first.sense * step
+            start, last = time, azimuth
+        return start, max(angle, 0.0)
 
 
 def _is_elsewhere(orbit: Orbit, reference: Orbit) -> bool:
@@ -116,9 +157,32 @@ def _is_elsewhere(orbit: Orbit, reference: Orbit) -> bool:
     return max(abs(orbit.radius - reference.radius), moved) > _MOVED * reference.radius
 
 
-def _flown(orbits: list[Orbit]) -> float:
-    """Angle flown between the first and the last of several orbits [rad]."""
-    return sum(
-        0.5 * (b.angular_rate + a.angular_rate) * (b.time - a.time)
-        for a, b in pairwise(orbits)
-    )
+class _Run:
+    """Successive orbits on one circle: the angle flown, and every so many of them."""
+
+    def __init__(self, first: Orbit):
+        self.first = self.last = first
+        self.angle = 0.0
+        self.sampled = [first]
+        self._every = self._since = 1
+
+    @property
+    def middle(self) -> Orbit:
+        """The orbit that new ones are compared with."""
+        return self.sampled[len(self.sampled) // 2]
+
+    def add(self, orbit: Orbit) -> None:
+        """Take in the next orbit."""
+        expected = orbit.sense * orbit.angular_rate * (orbit.time - self.last.time)
+        step = (orbit.phase - self.last.phase - expected + pi) % (2.0 * pi) - pi + expected
+        self.angle += orbit.sense * step
+        self.last = orbit
+        if self._since < self._every:
+            self._since += 1
+            return
+        self._since = 1
+        self.sampled.append(orbit)
+        if len(self.sampled) > _MOST_SAMPLED:
+            # Half as many, from now on twice as far apart.
+            self.sampled = self.sampled[::2]
+            self._every *= 2
