@@ -202,13 +202,15 @@ class BranchEnd:
 def branch_ends(state: SteadyState) -> tuple[BranchEnd, ...]:
     """All ends of a state's branch in angular rate and in radius, both ways.
 
-    Folds are looked for between omega 0.02 and 4 times the present rate, and between a quarter of
-    the present radius and 50 times it.
+    Folds are looked for from omega 0.02 to 4 or to 2.5 times the present rate, whichever is more,
+    and from a quarter of the present radius to 50 times it.
     """
-    slowest = max(log(state.parameters.omega / 0.02), 0.1)
+    omega = state.parameters.omega
+    slowest = max(log(omega / 0.02), 0.1)
+    fastest = max(log(4.0 / omega), log(2.5))
     reaches = (
         (ANGULAR_RATE, -1, slowest),
-        (ANGULAR_RATE, 1, log(4.0)),
+        (ANGULAR_RATE, 1, fastest),
         (RADIUS_AT_SPEED, -1, log(4.0)),
         (RADIUS_AT_SPEED, 1, log(50.0)),
     )
