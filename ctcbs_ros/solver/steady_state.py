@@ -15,6 +15,10 @@ from ctcbs_ros.solver.parameters import Parameters
 SCAN_TOLERANCE = 1e-6
 TOLERANCE = 1e-11
 RESIDUAL_LIMIT = 1e-9
+# Tried in turn until the residual is met.
+_TOLERANCES = (TOLERANCE, 1e-1 * TOLERANCE, 1e-2 * TOLERANCE)
+# A correction of ln(end-mass radius) beyond this means another state, not a better integration.
+_LARGEST_MENDING = 1e-7
 _NO_DIRECTIONS = np.empty((0, N_THETA))
 _MOST_ROOTS = 64
 
@@ -165,7 +169,22 @@ def correct_state(parameters: Parameters, guess: float, max_step: float = 0.3):
 
 
 def describe(parameters: Parameters, u: float) -> SteadyState | None:
-    """Everything about the state at u = ln(end-mass radius); None if the integration fails."""
+    """Everything about the state at u = ln(end-mass radius); None if the integration fails.
+
+    Where the cable nearly lies along its velocity at some point, |v_n| v_n bends sharply and a
+    step's error estimate can be too small: then the state is corrected with smaller steps.
+    """
+    state = None
+    for tolerance in _TOLERANCES:
+        state, miss = _integrated(parameters, u, tolerance)
+        if state is None or state.converged or abs(miss) > _LARGEST_MENDING * abs(state.slope):
+            break
+        u -= miss / state.slope
+    return state
+
+
+def _integrated(parameters, u, tolerance) -> tuple[SteadyState | None, float]:
+    """The state at u and its signed residual."""
     radius = float(np.exp(u))
     theta = parameters.theta(radius)
     directions = np.zeros((1, N_THETA))
@@ -174,12 +193,13 @@ def describe(parameters: Parameters, u: float) -> SteadyState | None:
     mesh = np.empty(search.MAX_STEPS + 1)
     nodes = np.array([parameters.length])
     status, steps, least = integrate(
-        theta, directions, nodes, TOLERANCE, search.MAX_STEPS, states, mesh
+        theta, directions, nodes, tolerance, search.MAX_STEPS, states, mesh
     )
     if status != OK:
-        return None
+        return None, np.inf
     end = integrate_halved(theta, mesh, steps)
-    residual = abs(end[0] ** 2 + end[1] ** 2 - 1.0)
+    miss = end[0] ** 2 + end[1] ** 2 - 1.0
+    residual = abs(miss)
     first = np.array(
         [
             theta[1] ** 2 * theta[2] * radius,
@@ -187,7 +207,7 @@ def describe(parameters: Parameters, u: float) -> SteadyState | None:
             theta[3],
         ]
     )
-    return SteadyState(
+    state = SteadyState(
         parameters=parameters,
         end_mass_radius=radius,
         depth=float(end[2]),
@@ -199,3 +219,4 @@ def describe(parameters: Parameters, u: float) -> SteadyState | None:
         slope=float(2.0 * (states[0, 0, :2] @ states[0, 1, :2])),
         converged=bool(residual < RESIDUAL_LIMIT),
     )
+    return state, miss
