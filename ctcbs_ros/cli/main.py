@@ -1,0 +1,60 @@
+"""The command `ctcbs`: its subcommands, and how errors and signals end it."""
+
+import argparse
+import os
+import signal
+import sys
+from collections.abc import Sequence
+
+from ctcbs_ros import __version__
+from ctcbs_ros.cli import replay, simulate, steady, table
+from ctcbs_ros.errors import InputError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run `ctcbs`.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Instead of those of the process.
+
+    Returns
+    -------
+    int
+        0 done; 1 failed; 2 bad input, after one line on standard error (as argparse does itself,
+        by SystemExit); 130 interrupted; 141 nobody reads standard output.
+    """
+    signal.signal(signal.SIGTERM, _terminate)
+    args = _parser().parse_args(arguments)
+    try:
+        code = args.run(args)
+        sys.stdout.flush()
+        return code
+    except InputError as error:
+        print(f"ctcbs: error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("ctcbs: interrupted", file=sys.stderr)
+        return 128 + signal.SIGINT
+    except BrokenPipeError:
+        # What is left in the buffer must not be flushed into the closed pipe at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        "ctcbs",
+        description="Prediction of the end mass of a cable towed by a circling aircraft.",
+    )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    for command in (steady, table, replay, simulate):
+        command.add_parser(commands)
+    return parser
+
+
+def _terminate(number: int, _frame) -> None:
+    """End by SIGTERM as by an exception, so that nothing half done is left behind."""
+    sys.exit(128 + number)

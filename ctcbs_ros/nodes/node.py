@@ -1,0 +1,225 @@
+"""The node: parameters in, samples from a log, a link or topics, predictions out."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.task import Future
+from sensor_msgs.msg import NavSatFix
+
+from ctcbs_ros.configuration import Configuration, configuration_from_mapping
+from ctcbs_ros.errors import InputError
+from ctcbs_ros.nodes.diagnostics import Monitor
+from ctcbs_ros.nodes.log_pump import LogPump
+from ctcbs_ros.nodes.outputs import Outputs
+from ctcbs_ros.nodes.parameters import declare_parameters
+from ctcbs_ros.nodes.topics import TopicSamples
+from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
+from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.prediction.record import Record, altitude_reference
+from ctcbs_ros.replay.summary import Summary, source_counts
+from ctcbs_ros.schema import BY_KEY
+from ctcbs_ros.table import table_for
+from ctcbs_ros.telemetry.live import LiveSource
+from ctcbs_ros.telemetry.mavlink import open_link
+from ctcbs_ros.telemetry.sample import Sample
+from ctcbs_ros.telemetry.source import LogSource, open_log
+
+POLL_PERIOD = 0.02  # s between two looks at a live link
+LINKS = ("udpin:", "udpout:", "tcp:", "/dev/")
+
+
+class PredictorNode(Node):
+    """The `predictor` node.
+
+    Attributes
+    ----------
+    finished : Future
+        Done when the node's log has been replayed and replay.exit_at_end is set.
+
+    Raises
+    ------
+    InputError
+        If a parameter is refused, the log or link cannot be opened, or the table does not fit.
+    """
+
+    def __init__(self):
+        super().__init__("predictor", automatically_declare_parameters_from_overrides=True)
+        self._values: dict[str, Any] = declare_parameters(self)
+        configuration = self._configuration(self._values)
+        self.finished = Future()
+        self._monitor = Monitor()
+        self._last_sample_at = None
+        self._log: LogSource | None = None
+        self._log_summary: Summary | None = None
+        self._live: LiveSource | None = None
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+
+        url = self._values["mavlink.url"]
+        self._source_name = url or f"topics {self.resolve_topic_name('fix')}, " + (
+            self.resolve_topic_name("odom")
+        )
+        if _names_log(url):
+            self._log = open_log(url, *self._vehicle_wanted())
+        elif url:
+            self._live = open_link(url, self._values["mavlink.baud"], *self._vehicle_wanted())
+
+        self.get_logger().info("loading the table, or building it where there is none yet")
+        table = table_for(configuration, self._values["table.file"], sys.stderr.isatty())
+        self._predictor = Predictor(configuration, table)
+        self._outputs = Outputs(self, self._values["frame_id"], self._values["publish_cable"])
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.add_on_set_parameters_callback(self._check_change)
+        self.add_post_set_parameters_callback(self._change)
+        self.create_timer(self._values["diagnostics.period"], self._diagnose, clock=self._steady)
+        self._listen()
+        self.get_logger().info(f"ready, telemetry from {self._source_name}")
+
+    def close(self) -> None:
+        """Give up the link."""
+        if self._live is not None:
+            self._live.close()
+
+    # --- telemetry in, predictions out ----------------------------------------------------------
+
+    def _listen(self) -> None:
+        if self._log is not None:
+            self._log_summary = Summary(self._predictor)
+            self._pump = LogPump(
+                self,
+                self._log,
+                self._outputs,
+                rate=self._values["replay.rate"],
+                wait=self._values["replay.wait_for_subscribers"],
+                take=self._take,
+                at_end=self._end_log,
+                when_received=self._finish,
+            )
+        elif self._live is not None:
+            self.create_timer(POLL_PERIOD, self._poll, clock=self._steady)
+        else:
+            samples = TopicSamples()
+            self.create_subscription(
+                NavSatFix, "fix", lambda m: self._take(samples.fix(m)), qos_profile_sensor_data
+            )
+            self.create_subscription(
+                Odometry,
+                "odom",
+                lambda m: self._take(samples.odometry(m)),
+                qos_profile_sensor_data,
+            )
+
+    def _poll(self) -> None:
+        for sample in self._live.poll():
+            self._take(sample)
+
+    def _take(self, sample: Sample | None) -> None:
+        if sample is None:
+            return
+        self._last_sample_at = self.get_clock().now()
+        prediction = self._predictor.update(sample)
+        self._monitor.add(prediction)
+        self._outputs.publish(
+            prediction, self._predictor.datum, self._values["limits.stale_after"]
+        )
+        if self._log is not None:
+            self._log_summary.add(prediction)
+            self._outputs.publish_record(prediction, log_progress=self._log.progress)
+        elif self._outputs.record_awaited:
+            self._outputs.publish_record(prediction)
+
+    def _end_log(self) -> None:
+        self._diagnose()
+        summary = self._log_summary.finish() | source_counts(self._log)
+        self._outputs.publish_summary(summary)
+        self.get_logger().info(
+            f"end of the log: {summary['predictions']} predictions from "
+            f"{summary['samples']} samples, {len(summary['orbits'])} orbits"
+        )
+
+    def _finish(self) -> None:
+        if self._values["replay.exit_at_end"]:
+            self.finished.set_result(None)
+
+    # --- diagnostics ----------------------------------------------------------------------------
+
+    def _diagnose(self) -> None:
+        silence = self._silence()
+        if silence is not None:
+            self._outputs.hide()
+        array = DiagnosticArray()
+        array.header.stamp = self.get_clock().now().to_msg()
+        array.status = self._monitor.report(silence, self._source_figures())
+        for status in array.status:
+            status.name = f"{self.get_name()}: {status.name}"
+            status.hardware_id = self._source_name
+        self._diagnostics.publish(array)
+
+    def _silence(self) -> Warning | None:
+        """The warning that no sample comes, by the node's clock; a log is silent only at first."""
+        if self._last_sample_at is None:
+            return Warning(WarningCode.STALE_TELEMETRY, Level.ERROR, "no sample yet")
+        if self._log is not None:
+            return None
+        since = self.get_clock().now() - self._last_sample_at
+        return self._predictor.stale(since.nanoseconds / 1e9)
+
+    def _source_figures(self) -> Record:
+        figures: Record = {"source": self._source_name}
+        if self._last_sample_at is not None:
+            since = self.get_clock().now() - self._last_sample_at
+            figures["seconds since sample"] = since.nanoseconds / 1e9
+        datum = self._predictor.datum
+        if datum is not None:
+            figures["altitude of ~/end_mass/fix and ~/datum is above"] = altitude_reference(
+                datum.ellipsoidal
+            )
+        source = self._log or self._live
+        if source is not None:
+            figures |= source_counts(source)
+        if self._log is not None:
+            figures["log progress"] = self._log.progress
+        if self._live is not None:
+            figures["dropped because the node was late"] = self._live.dropped
+        return figures
+
+    # --- parameters -----------------------------------------------------------------------------
+
+    def _configuration(self, values: dict[str, Any]) -> Configuration:
+        return configuration_from_mapping(
+            values, f"parameters of {self.get_fully_qualified_name()}"
+        )
+
+    def _vehicle_wanted(self) -> tuple[int | None, int | None]:
+        return self._values["mavlink.system"] or None, self._values["mavlink.component"] or None
+
+    def _changed(self, parameters: list[Parameter]) -> dict[str, Any]:
+        return self._values | {p.name: p.value for p in parameters if p.name in BY_KEY}
+
+    def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            self._configuration(self._changed(parameters))
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _change(self, parameters: list[Parameter]) -> None:
+        self._values = self._changed(parameters)
+        configuration = self._configuration(self._values)
+        self._predictor.change(
+            cable_length=configuration.cable.length,
+            end_mass=configuration.end_mass.mass,
+            limits=configuration.limits,
+        )
+
+
+def _names_log(url: str) -> bool:
+    """Whether a url is the path of a log rather than a link or nothing."""
+    return url != "" and not url.startswith(LINKS) and not Path(url).is_char_device()

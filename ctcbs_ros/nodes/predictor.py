@@ -1,0 +1,75 @@
+"""The program `predictor`: start and end of the node."""
+
+import argparse
+import signal
+import sys
+
+NO_ROS = (
+    "needs ROS 2 (rclpy), which is not here: source a ROS installation, "
+    "or pip install 'ctcbs_ros[ros]'"
+)
+
+
+def main() -> int:
+    """Run the node until SIGINT, SIGTERM or the end of its log.
+
+    Returns
+    -------
+    int
+        0, or 2 after one line on standard error where the node cannot start.
+    """
+    # A SIGTERM before the node spins (its table may take half a minute) ends it as SIGINT does.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        return _run()
+    except KeyboardInterrupt:
+        return 0
+
+
+def _run() -> int:
+    try:
+        import rclpy
+    except ImportError:
+        return _refuse(NO_ROS)
+    from rclpy.exceptions import NameValidationException
+    from rclpy.executors import ExternalShutdownException
+    from rclpy.utilities import remove_ros_args
+
+    from ctcbs_ros.errors import InputError
+    from ctcbs_ros.nodes.node import PredictorNode
+
+    argparse.ArgumentParser(
+        "predictor",
+        usage="%(prog)s --ros-args --params-file CONFIG.yaml [-p NAME:=VALUE ...]",
+        description="ROS 2 node that predicts the end mass of a towed cable from telemetry.",
+    ).parse_args(remove_ros_args(sys.argv)[1:])
+    try:
+        rclpy.init()
+    except RuntimeError as error:  # what rcl refuses: arguments, parameter files
+        return _refuse(str(error).replace("\n", " "))
+    node = None
+    try:
+        node = PredictorNode()
+        rclpy.spin_until_future_complete(node, node.finished)
+    except (InputError, NameValidationException) as error:
+        return _refuse(str(error))
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        # A second signal must not break the end.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        if node is not None:
+            node.close()
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _refuse(reason: str) -> int:
+    print(f"predictor: {reason}", file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

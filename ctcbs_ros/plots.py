@@ -1,0 +1,250 @@
+"""Plots of a replay, from its tables: track, margins with warnings, end mass against time."""
+
+import csv
+from math import nan, pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ctcbs_ros.configuration import WarningLimits
+from ctcbs_ros.replay.tables import PREDICTIONS, SAMPLES
+
+TRACK, MARGIN, END_MASS = "track.png", "margin.png", "end_mass.png"
+MOST_ROWS = 20_000  # drawn of a table; a longer one is thinned
+MOST_ORBITS = 8  # drawn as circles, the longest
+LEAST_GAP = 3.0  # usual steps without a row that interrupt a line
+TICK = 0.004  # part of the flight that a single warning is drawn as, at least
+
+TOW, MASS, OTHER, REST, LIMIT = "tab:blue", "tab:orange", "0.6", "0.75", "tab:red"
+BLAND = ("NOT_ORBITING",)  # a state of the flight rather than a danger
+GRAVE = ("NO_SOLUTION", "JUMPED", "UNSTABLE", "STALE_TELEMETRY", "GROUND_PROXIMITY")
+
+Table = dict[str, list[str]]
+
+
+def write_plots(
+    folder: Path, orbits: list[dict[str, Any]], limits: WarningLimits, title: str
+) -> None:
+    """Draw the plots of a replay beside its tables.
+
+    Parameters
+    ----------
+    folder : Path
+        Where predictions.csv and samples.csv are, and track.png, margin.png and end_mass.png go.
+    orbits : list of dict
+        Of the summary.
+    limits : WarningLimits
+        Drawn as lines.
+    title : str
+        Name of the flight.
+    """
+    predictions, samples = _read(folder / PREDICTIONS), _read(folder / SAMPLES)
+    for name, figure in (
+        (TRACK, track_figure(predictions, samples, orbits)),
+        (MARGIN, margin_figure(predictions, samples, limits)),
+        (END_MASS, end_mass_figure(predictions, samples)),
+    ):
+        figure.suptitle(title)
+        figure.savefig(folder / name, dpi=120)
+
+
+def track_figure(predictions: Table, samples: Table, orbits: list[dict[str, Any]]):
+    """East and north of tow point and end mass, with the circles of each orbit."""
+    figure = _figure(8.0, 8.0)
+    axes = figure.subplots()
+    time = _column(samples, "time_s")
+    axes.plot(
+        *_broken(
+            time, _column(samples, "tow_point_east_m"), _column(samples, "tow_point_north_m")
+        )[1:],
+        color=REST, linewidth=1.0, label="tow aircraft",
+    )  # fmt: skip
+    time = _column(predictions, "time_s")
+    for name, color, label in (
+        ("tow_point", TOW, "tow aircraft, with a prediction"),
+        ("end_mass", MASS, "end mass, predicted"),
+    ):
+        east = _column(predictions, f"{name}_east_m")
+        north = _column(predictions, f"{name}_north_m")
+        axes.plot(*_broken(time, east, north)[1:], color=color, linewidth=1.2, label=label)
+    longest = sorted(orbits, key=lambda orbit: -orbit["turns"])[:MOST_ORBITS]
+    for number, orbit in enumerate(orbits, 1):
+        during = (time >= orbit["start_s"]) & (time <= orbit["end_s"])
+        if orbit in longest and during.any():
+            east = np.median(_column(predictions, "orbit_center_east_m")[during])
+            north = np.median(_column(predictions, "orbit_center_north_m")[during])
+            _draw_orbit(axes, number, orbit, east, north)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("east [m]")
+    axes.set_ylabel("north [m]")
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside lower center", ncols=2, frameon=False)
+    return figure
+
+
+def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
+    """Stability margin and jump margin against time, and when each warning stood."""
+    codes = _warning_codes(samples)
+    figure = _figure(10.0, 5.5 + 0.25 * len(codes))
+    time = _column(predictions, "time_s")
+    relative = _column(predictions, "jump_margin")
+    jumps = np.isfinite(relative).any()
+    margin, jump, strip = figure.subplots(
+        3, sharex=True, height_ratios=(3.0, 2.0 if jumps else 0.3, 0.4 + 0.35 * len(codes))
+    )
+    margin.plot(*_broken(time, _column(predictions, "margin_per_s")), color=MASS)
+    margin.axhline(0.0, color="black", linewidth=0.8)
+    margin.axhline(
+        limits.low_margin_per_s, color=LIMIT, linestyle="--", linewidth=1.0,
+        label="limit of LOW_MARGIN",
+    )  # fmt: skip
+    margin.set_ylabel("decay rate of the\nleast damped mode [1/s]")
+    margin.legend(loc="best", frameon=False)
+
+    if jumps:
+        jump.set_ylabel("change of angular\nrate to a jump [%]")
+        jump.plot(*_broken(time, 100.0 * relative), color=TOW)
+        for sign in (-1.0, 1.0):
+            jump.axhline(
+                sign * 100.0 * limits.near_jump, color=LIMIT, linestyle="--", linewidth=1.0,
+                label="limit of NEAR_JUMP" if sign > 0 else None,
+            )  # fmt: skip
+        jump.legend(loc="best", frameon=False)
+    else:
+        jump.set_yticks([])
+        jump.text(
+            0.5, 0.5, "no change of angular rate within reach makes the end mass jump", transform=jump.transAxes, ha="center", va="center"
+        )
+
+    _draw_warnings(strip, samples, codes)
+    strip.set_xlabel("time from the first believed sample [s]")
+    for axes in (margin, jump, strip):
+        axes.grid(alpha=0.3)
+    return figure
+
+
+def end_mass_figure(predictions: Table, samples: Table):
+    """Radius, depth and height of the end mass against time."""
+    figure = _figure(10.0, 7.0)
+    radius, depth, height = figure.subplots(3, sharex=True)
+    time = _column(predictions, "time_s")
+    others = [
+        (moment, float(other))
+        for moment, cell in zip(time, predictions["other_end_mass_radii_m"], strict=True)
+        for other in cell.split(";")
+        if other
+    ]
+    if others:
+        radius.plot(
+            *np.array(others).T, ".", markersize=2, color=OTHER, label="other steady states"
+        )
+    radius.plot(
+        *_broken(time, _column(predictions, "end_mass_radius_m")), color=MASS, label="tracked"
+    )
+    radius.set_ylabel("radius of the end\nmass's circle [m]")
+    if others:
+        radius.legend(loc="best", frameon=False)
+    depth.plot(*_broken(time, _column(predictions, "end_mass_depth_m")), color=MASS)
+    depth.set_ylabel("depth below the\ntow aircraft [m]")
+    height.plot(*_broken(time, _column(predictions, "end_mass_height_above_home_m")), color=MASS)
+    height.set_ylabel("height above\nthe ground [m]")
+    height.set_xlabel("time from the first believed sample [s]")
+    whole = _column(samples, "time_s")
+    for axes in (radius, depth, height):
+        axes.grid(alpha=0.3)
+        if np.isfinite(whole).any():
+            axes.set_xlim(np.nanmin(whole), np.nanmax(whole))
+    return figure
+
+
+def _draw_orbit(axes, number: int, orbit: dict[str, Any], east: float, north: float) -> None:
+    """Centre and circles of an orbit; its number stands where other orbits' do not."""
+    where = (0.25 - 0.9 * number) * pi
+    axes.plot(east, north, "+", color="black")
+    axes.annotate(
+        f"{number}",
+        (east + orbit["radius_m"] * np.cos(where), north + orbit["radius_m"] * np.sin(where)),
+        ha="center", va="center", fontsize="small",
+        bbox={"boxstyle": "circle,pad=0.2", "facecolor": "white", "linewidth": 0.6},
+    )  # fmt: skip
+    text = f"orbit {number}: {orbit['turns']:.1f} turns, radius {orbit['radius_m']:.1f} m"
+    if orbit["end_mass_radius_m"] is not None:
+        text += f", end mass {orbit['end_mass_radius_m']:.2f} m"
+    angle = np.linspace(0.0, 2.0 * pi, 181)
+    for radius, label in ((orbit["radius_m"], text), (orbit["end_mass_radius_m"], None)):
+        if radius is not None:
+            axes.plot(
+                east + radius * np.cos(angle), north + radius * np.sin(angle),
+                color="black", linewidth=0.8, linestyle=(0, (4, 4)), label=label,
+            )  # fmt: skip
+
+
+def _draw_warnings(axes, samples: Table, codes: list[str]) -> None:
+    time = _column(samples, "time_s")
+    known = np.isfinite(time)
+    time = time[known]
+    cells = [cell.split(";") for cell, use in zip(samples["warnings"], known, strict=True) if use]
+    if len(time) > 1:
+        axes.set_xlim(time[0], time[-1])
+        shortest = TICK * (time[-1] - time[0])
+        for row, code in enumerate(codes):
+            spans = [
+                (start, max(end - start, shortest))
+                for start, end in _spans(time, [code in cell for cell in cells])
+            ]
+            color = REST if code in BLAND else LIMIT if code in GRAVE else MASS
+            axes.broken_barh(spans, (row - 0.35, 0.7), color=color)
+    axes.set_yticks(range(len(codes)), codes)
+    axes.set_ylim(len(codes) - 0.4, -0.6)
+    if not codes:
+        axes.set_ylabel("no warning")
+
+
+def _spans(time: np.ndarray, on: list[bool]) -> list[tuple[float, float]]:
+    """Start and end of each run of samples; the last one stands for the usual step."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
+    step = _usual_step(time)
+    return [(time[first], time[after - 1] + step) for first, after in edges.reshape(-1, 2)]
+
+
+def _warning_codes(samples: Table) -> list[str]:
+    """Codes that occur, the gravest first."""
+    codes = {code for cell in samples["warnings"] for code in cell.split(";") if code}
+    return sorted(codes, key=lambda code: (code in BLAND, code not in GRAVE, code))
+
+
+def _broken(time: np.ndarray, *columns: np.ndarray) -> list[np.ndarray]:
+    """The columns, time first, with a nan wherever a gap in time interrupts the line."""
+    gaps = np.flatnonzero(np.diff(time) > LEAST_GAP * _usual_step(time)) + 1
+    return [np.insert(column, gaps, nan) for column in (time, *columns)]
+
+
+def _usual_step(time: np.ndarray) -> float:
+    steps = np.diff(time)
+    return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+
+
+def _column(table: Table, name: str) -> np.ndarray:
+    return np.array([float(cell) if cell else nan for cell in table[name]])
+
+
+def _read(path: Path) -> Table:
+    """Columns of a CSV file as text, thinned to what a plot can show."""
+    with open(path, newline="", encoding="utf-8") as file:
+        rows = sum(1 for _ in file) - 1
+        file.seek(0)
+        reader = csv.reader(file)
+        names = next(reader)
+        step = max(1, -(-rows // MOST_ROWS))
+        kept = [row for number, row in enumerate(reader) if number % step == 0]
+    return {name: [row[index] for row in kept] for index, name in enumerate(names)}
+
+
+def _figure(width: float, height: float):
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)  # draws without a display
+    return figure

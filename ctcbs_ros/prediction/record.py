@@ -1,0 +1,143 @@
+"""A prediction as a flat record: every figure under a name with its unit, ready for JSON or CSV.
+
+Tables, `~/prediction` and `/diagnostics` all show these records, so that a figure has one name.
+"""
+
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump, Prediction
+
+Record = dict[str, Any]
+
+
+def prediction_record(prediction: Prediction) -> Record:
+    """All that a prediction says.
+
+    Returns
+    -------
+    dict
+        Sections `sample_fields`, `orbit_fields` and `end_mass_fields`, each absent where the
+        prediction has no such part, and "warnings", a list of {code, level, text}. What is
+        infinite or not known is None.
+    """
+    record = sample_fields(prediction)
+    if prediction.orbit is not None:
+        record |= orbit_fields(prediction.orbit)
+        record["air_density_kg_m3"] = finite(prediction.air_density)
+    if prediction.end_mass is not None:
+        record |= end_mass_fields(prediction.end_mass)
+    record["warnings"] = [
+        {"code": warning.code.value, "level": warning.level.value, "text": warning.text}
+        for warning in prediction.warnings
+    ]
+    return record
+
+
+def sample_fields(prediction: Prediction) -> Record:
+    """When the sample was taken, why it was not used (or None), and the measured tow point."""
+    record: Record = {
+        "vehicle_time_s": finite(prediction.time),
+        "stamp_ns": prediction.stamp_ns,
+        "flight": prediction.flight,
+        "skip": prediction.skip.value if prediction.skip else None,
+        "valid": prediction.valid,
+    }
+    if prediction.tow_point is not None:
+        record |= _enu("tow_point", prediction.tow_point)
+    return record
+
+
+def orbit_fields(orbit: Orbit) -> Record:
+    """The circle flown."""
+    return {
+        **_enu("orbit_center", orbit.center),
+        "orbit_radius_m": finite(orbit.radius),
+        "orbit_speed_m_s": finite(orbit.speed),
+        "orbit_angular_rate_rad_s": finite(orbit.angular_rate),
+        "orbit_sense": sense_name(orbit.sense),
+        "orbit_phase_rad": finite(orbit.phase),
+        "orbit_climb_rate_m_s": finite(orbit.climb_rate),
+        "orbit_rms_residual_m": finite(orbit.rms_residual),
+        "orbit_arc_rad": finite(orbit.arc),
+        "orbit_samples": orbit.samples,
+        "orbit_radius_std_m": finite(np.sqrt(orbit.covariance[3, 3])),
+    }
+
+
+def end_mass_fields(end_mass: EndMass) -> Record:
+    """The end mass on the tracked branch, the nearest jumps and the other steady states."""
+    geodetic = end_mass.geodetic
+    east, north, up = np.sqrt(np.diag(end_mass.covariance)[:3])
+    return {
+        "branch": end_mass.branch,
+        "method": end_mass.method,
+        **_enu("end_mass", end_mass.position),
+        "end_mass_yaw_rad": finite(end_mass.yaw),
+        "end_mass_east_std_m": finite(east),
+        "end_mass_north_std_m": finite(north),
+        "end_mass_up_std_m": finite(up),
+        "end_mass_latitude_deg": finite(geodetic.latitude),
+        "end_mass_longitude_deg": finite(geodetic.longitude),
+        "end_mass_altitude_m": finite(geodetic.altitude),
+        "end_mass_altitude_above": altitude_reference(geodetic.ellipsoidal),
+        "end_mass_height_above_home_m": finite(end_mass.height_above_home),
+        **state_fields(end_mass.state),
+        "settling_time_s": finite(end_mass.settling_time),
+        "nearest_loss": end_mass.nearest_loss,
+        "jump_margin": finite(end_mass.jump_margin),
+        **_jump("angular_rate", "rad_s", end_mass.jump_in_angular_rate),
+        **_jump("speed", "m_s", end_mass.jump_in_speed),
+        **_jump("radius", "m", end_mass.jump_in_radius),
+        "other_solutions": [state_fields(other) for other in end_mass.others],
+    }
+
+
+def state_fields(state: EndMassState) -> Record:
+    """One steady state."""
+    return {
+        "end_mass_radius_m": finite(state.radius),
+        "end_mass_depth_m": finite(state.depth),
+        "phase_lag_rad": finite(state.phase_lag),
+        "tension_end_mass_n": finite(state.tension_end_mass),
+        "tension_tow_point_n": finite(state.tension_tow_point),
+        "margin_per_rad": finite(state.margin),
+        "margin_per_s": finite(state.margin_per_s),
+        "frequency_rad_s": finite(state.frequency_per_s),
+        "stable": state.stable,
+        "residual": finite(state.residual),
+    }
+
+
+def sense_name(sense: int) -> str:
+    """ "ccw" for +1, "cw" for -1, seen from above."""
+    return "ccw" if sense > 0 else "cw"
+
+
+def altitude_reference(ellipsoidal: bool) -> str:
+    """What a geodetic altitude is above."""
+    return "ellipsoid" if ellipsoidal else "mean sea level"
+
+
+def finite(value: float) -> float | None:
+    """A number that JSON can hold: None for what is infinite or not known."""
+    value = float(value)
+    return value if isfinite(value) else None
+
+
+def _enu(name: str, position: np.ndarray) -> Record:
+    return {
+        f"{name}_{axis}_m": finite(value)
+        for axis, value in zip(("east", "north", "up"), position, strict=True)
+    }
+
+
+def _jump(quantity: str, unit: str, jump: Jump | None) -> Record:
+    return {
+        f"jump_{quantity}_{unit}": finite(jump.at) if jump else None,
+        f"jump_{quantity}_relative": finite(jump.relative) if jump else None,
+        f"jump_{quantity}_landing_radius_m": finite(jump.landing_radius) if jump else None,
+    }

@@ -1,0 +1,116 @@
+"""What a flight came to: counts of samples, skips and warnings, and the orbits that were flown."""
+
+from array import array
+from bisect import bisect_left, bisect_right
+from dataclasses import asdict
+from math import isfinite
+from typing import Any
+
+from ctcbs_ros.geodesy import to_geodetic
+from ctcbs_ros.orbit.segments import OrbitSegment, OrbitSegments
+from ctcbs_ros.prediction.prediction import Prediction
+from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.prediction.record import finite, sense_name
+from ctcbs_ros.prediction.tally import Tally
+from ctcbs_ros.telemetry.live import LiveSource
+from ctcbs_ros.telemetry.source import LogSource
+
+# Seconds between the end masses remembered for the orbits; a day's flight then takes 2 MB.
+REMEMBERED_EVERY = 1.0
+
+
+class Summary:
+    """Gathers the summary of a flight from its predictions, in constant memory but for the orbits.
+
+    Parameters
+    ----------
+    predictor : Predictor
+        The one that makes the predictions.
+    """
+
+    def __init__(self, predictor: Predictor):
+        self.tally = Tally()
+        self._predictor = predictor
+        self._segments = OrbitSegments()
+        self._first_time: float | None = None
+        self._flights: set[int] = set()
+        # End masses of the flight, thinned: time, radius of the end mass, density of the air.
+        self._times, self._radii, self._densities = array("d"), array("d"), array("d")
+
+    def add(self, prediction: Prediction) -> None:
+        """Take in the prediction of one more sample."""
+        self.tally.add(prediction)
+        if prediction.skip is not None:
+            return
+        if self._first_time is None:
+            self._first_time = prediction.time
+        self._flights.add(prediction.flight)
+        self._segments.add(prediction.time, prediction.orbit, prediction.tow_point)
+        if prediction.valid and (
+            not self._times or prediction.time - self._times[-1] >= REMEMBERED_EVERY
+        ):
+            self._times.append(prediction.time)
+            self._radii.append(prediction.end_mass.state.radius)
+            self._densities.append(prediction.air_density)
+
+    def finish(self) -> dict[str, Any]:
+        """The summary, ready for JSON.
+
+        Returns
+        -------
+        dict
+            samples, predictions, skipped, warnings, and orbits: for each its start and end in
+            seconds after the first believed sample, turns, radius, speed, sense, centre, and the
+            end mass's radius, depth and margin, which are None where no state was found; flights
+            counts the boots of the vehicle that gave believed samples.
+        """
+        orbits = [self._orbit(segment) for segment in self._segments.finish()]
+        return {**self.tally.as_dict(), "orbits": orbits, "flights": len(self._flights)}
+
+    def _orbit(self, segment: OrbitSegment) -> dict[str, Any]:
+        state = None
+        first = bisect_left(self._times, segment.start_time)
+        last = bisect_right(self._times, segment.end_time) - 1
+        if last >= first:
+            state = self._predictor.state_at(
+                segment.radius,
+                segment.speed,
+                self._densities[last],
+                self._radii[last],
+            )
+        return {
+            "start_s": segment.start_time - self._first_time,
+            "end_s": segment.end_time - self._first_time,
+            "turns": segment.turns,
+            "radius_m": segment.radius,
+            "speed_m_s": segment.speed,
+            "sense": sense_name(segment.sense),
+            "center": self._latitude_longitude(segment),
+            "end_mass_radius_m": finite(state.radius) if state else None,
+            "end_mass_depth_m": finite(state.depth) if state else None,
+            "margin_per_s": finite(state.margin_per_s) if state else None,
+        }
+
+    def _latitude_longitude(self, segment: OrbitSegment) -> list[float] | None:
+        datum = self._predictor.datum
+        if datum is None:
+            return None
+        latitude, longitude, _ = to_geodetic(datum, *segment.center, segment.up)
+        center = [float(latitude), float(longitude)]
+        return center if all(isfinite(value) for value in center) else None
+
+
+def source_counts(source: LogSource | LiveSource) -> dict[str, Any]:
+    """What a MAVLink source says about itself: its vehicle, and what was lost on the link."""
+    link, vehicle = source.link, source.vehicle
+    return {
+        "vehicle": vehicle and asdict(vehicle),
+        "link": {
+            "messages": link.messages,
+            "lost": sum(link.lost.values()),
+            "bad_runs": link.bad_runs,
+            "bad_bytes": link.bad_bytes,
+            "other_positions": link.other_positions,
+            "time_steps": dict(link.time_steps),
+        },
+    }

@@ -1,0 +1,120 @@
+"""The tables of a replay, as CSV: one row a valid prediction, and one row a sample."""
+
+import csv
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, TextIO
+
+from ctcbs_ros.prediction.record import Record
+
+TIME = ("time_s", "vehicle_time_s", "stamp_ns", "flight")
+TOW_POINT = ("tow_point_east_m", "tow_point_north_m", "tow_point_up_m")
+# predictions.csv
+PREDICTION_COLUMNS = (
+    *TIME,
+    *TOW_POINT,
+    "orbit_center_east_m",
+    "orbit_center_north_m",
+    "orbit_center_up_m",
+    "orbit_radius_m",
+    "orbit_speed_m_s",
+    "orbit_angular_rate_rad_s",
+    "orbit_sense",
+    "orbit_phase_rad",
+    "orbit_climb_rate_m_s",
+    "orbit_rms_residual_m",
+    "orbit_arc_rad",
+    "orbit_samples",
+    "orbit_radius_std_m",
+    "air_density_kg_m3",
+    "branch",
+    "method",
+    "end_mass_east_m",
+    "end_mass_north_m",
+    "end_mass_up_m",
+    "end_mass_yaw_rad",
+    "end_mass_east_std_m",
+    "end_mass_north_std_m",
+    "end_mass_up_std_m",
+    "end_mass_latitude_deg",
+    "end_mass_longitude_deg",
+    "end_mass_altitude_m",
+    "end_mass_altitude_above",
+    "end_mass_height_above_home_m",
+    "end_mass_radius_m",
+    "end_mass_depth_m",
+    "phase_lag_rad",
+    "tension_end_mass_n",
+    "tension_tow_point_n",
+    "margin_per_rad",
+    "margin_per_s",
+    "frequency_rad_s",
+    "stable",
+    "residual",
+    "settling_time_s",
+    "nearest_loss",
+    "jump_margin",
+    "jump_angular_rate_rad_s",
+    "jump_angular_rate_relative",
+    "jump_angular_rate_landing_radius_m",
+    "jump_speed_m_s",
+    "jump_speed_relative",
+    "jump_speed_landing_radius_m",
+    "jump_radius_m",
+    "jump_radius_relative",
+    "jump_radius_landing_radius_m",
+    "other_end_mass_radii_m",
+    "warnings",
+)
+# samples.csv
+SAMPLE_COLUMNS = (*TIME, "skip", "valid", *TOW_POINT, "warnings")
+
+PREDICTIONS, SAMPLES = "predictions.csv", "samples.csv"
+
+
+class ReplayTables:
+    """Writes both tables into a folder, record by record.
+
+    `time_s` counts from the first sample that was believed and is empty before it; what is
+    infinite or not known is empty too. Several warnings in a cell stand apart by semicolons.
+    """
+
+    def __init__(self, folder: Path):
+        self._files: list[TextIO] = []
+        self._predictions = self._writer(folder / PREDICTIONS, PREDICTION_COLUMNS)
+        self._samples = self._writer(folder / SAMPLES, SAMPLE_COLUMNS)
+        self._first_time: float | None = None
+
+    def add(self, record: Record) -> None:
+        """Write the rows of one record."""
+        if self._first_time is None and record["skip"] is None:
+            self._first_time = record["vehicle_time_s"]
+        row = record | {
+            "time_s": self._since_first(record["vehicle_time_s"]),
+            "warnings": _joined(warning["code"] for warning in record["warnings"]),
+        }
+        self._samples.writerow(row)
+        if record["valid"]:
+            radii = (other["end_mass_radius_m"] for other in record["other_solutions"])
+            self._predictions.writerow(row | {"other_end_mass_radii_m": _joined(radii)})
+
+    def close(self) -> None:
+        """Finish the files."""
+        for file in self._files:
+            file.close()
+
+    def _since_first(self, time: float | None) -> float | None:
+        if time is None or self._first_time is None:
+            return None
+        return round(time - self._first_time, 9)
+
+    def _writer(self, path: Path, columns: tuple[str, ...]) -> csv.DictWriter:
+        file = open(path, "w", newline="", encoding="utf-8")  # noqa: SIM115, closed by `close`
+        self._files.append(file)
+        writer = csv.DictWriter(file, columns, extrasaction="ignore")
+        writer.writeheader()
+        return writer
+
+
+def _joined(items: Iterable[Any]) -> str:
+    return ";".join(str(item) for item in items)

@@ -1,0 +1,108 @@
+"""The summary of a flight in words."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from ctcbs_ros.prediction.codes import SkipCode, WarningCode
+
+SKIPS = {
+    SkipCode.BAD_FIX: "no 3D fix yet, poor accuracy, or a start-up position",
+    SkipCode.NOT_FINITE: "a value missing, not a number or out of range",
+    SkipCode.JUMP: "position contradicts the velocity and the samples before",
+    SkipCode.DUPLICATE: "a sample already used, sent again",
+    SkipCode.OUT_OF_ORDER: "older than a sample already used",
+    SkipCode.FROZEN: "position stands still while the velocity says it moves",
+}
+WARNINGS = {
+    WarningCode.NOT_ORBITING: "no circle is being flown, so nothing is predicted",
+    WarningCode.STALE_TELEMETRY: "a gap in the telemetry",
+    WarningCode.BAD_FIX: "a position was not believed",
+    WarningCode.OUTSIDE_ENVELOPE: "radius or speed outside the configuration's envelope",
+    WarningCode.NO_SOLUTION: "the orbit has no steady state of the cable",
+    WarningCode.MULTIPLE_SOLUTIONS: "the orbit has several steady states",
+    WarningCode.NEAR_JUMP: "a small change of the orbit makes the end mass jump",
+    WarningCode.JUMPED: "the end mass has jumped to another steady state",
+    WarningCode.UNSTABLE: "the steady state is unstable",
+    WarningCode.LOW_MARGIN: "disturbances decay slowly",
+    WarningCode.TENSION_LIMIT: "the cable's tension is near its breaking tension",
+    WarningCode.GROUND_PROXIMITY: "the end mass is near the ground",
+    WarningCode.WIND_UNMODELLED: "the ground speed shows wind, which the prediction leaves out",
+}
+SENSES = {"cw": "clockwise", "ccw": "anticlockwise"}
+
+
+def summary_text(summary: dict[str, Any]) -> str:
+    """Orbits, warnings and skips of a summary, for reading."""
+    return "\n".join(_lines(summary))
+
+
+def _lines(summary: dict[str, Any]) -> Iterator[str]:
+    skipped = sum(summary["skipped"].values())
+    vehicle = summary["vehicle"]
+    if vehicle:
+        yield (
+            f"Vehicle: {vehicle['type']}, system {vehicle['system']}, "
+            f"component {vehicle['component']}"
+        )
+    yield (
+        f"{summary['samples']} samples, {skipped} of them skipped; "
+        f"{summary['predictions']} predictions in {summary['wall_s']:.1f} s"
+    )
+    yield from _link_lines(summary)
+    yield ""
+    yield from _orbit_lines(summary["orbits"])
+    yield from _count_lines(
+        "Warnings (samples with each)",
+        summary["warnings"],
+        {code.value: text for code, text in WARNINGS.items()},
+    )
+    yield from _count_lines(
+        "Skipped samples",
+        summary["skipped"],
+        {code.value: text for code, text in SKIPS.items()},
+    )
+
+
+def _link_lines(summary: dict[str, Any]) -> Iterator[str]:
+    link = summary["link"]
+    facts = [
+        (link["lost"], "messages lost"),
+        (link["bad_bytes"], f"damaged bytes in {link['bad_runs']} places"),
+        (link["other_positions"], "positions of other vehicles"),
+        (link["time_steps"].get("wrap"), "wraps of the vehicle's clock"),
+        (link["time_steps"].get("reboot"), "reboots"),
+        (link["time_steps"].get("jump"), "jumps of the vehicle's clock"),
+    ]
+    told = [f"{count} {text}" for count, text in facts if count]
+    if told:
+        yield f"Link: {link['messages']} messages; " + ", ".join(told)
+
+
+def _orbit_lines(orbits: list[dict[str, Any]]) -> Iterator[str]:
+    if not orbits:
+        yield "No orbit was flown."
+        return
+    yield (
+        "orbit   from s     to s  turns  radius m  speed m/s  sense          "
+        "end mass: radius m  depth m  margin 1/s"
+    )
+    for number, orbit in enumerate(orbits, 1):
+        yield (
+            f"{number:5}  {orbit['start_s']:7.1f}  {orbit['end_s']:7.1f}  {orbit['turns']:5.2f}  "
+            f"{orbit['radius_m']:8.2f}  {orbit['speed_m_s']:9.2f}  {SENSES[orbit['sense']]:13}  "
+            f"{_number(orbit['end_mass_radius_m'], 18, 2)}  "
+            f"{_number(orbit['end_mass_depth_m'], 7, 2)}  {_number(orbit['margin_per_s'], 10, 4)}"
+        )
+
+
+def _number(value: float | None, width: int, decimals: int) -> str:
+    return f"{value:{width}.{decimals}f}" if value is not None else f"{'none':>{width}}"
+
+
+def _count_lines(title: str, counts: dict[str, int], texts: dict[str, str]) -> Iterator[str]:
+    if not counts:
+        return
+    yield ""
+    yield f"{title}:"
+    for code, count in sorted(counts.items(), key=lambda item: -item[1]):
+        yield f"{count:8}  {code:18}  {texts[code]}"
