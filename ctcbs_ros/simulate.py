@@ -1,4 +1,4 @@
-"""Flight logs without a flight: a simulated flight in the MAVLink messages that an autopilot sends.
+"""Flight logs without a flight: a simulated one in the MAVLink messages that an autopilot sends.
 
 flight = simulate_flight(radius=80.0, speed=20.0, turns=6.0)
 write_tlog("flight.tlog", flight, latitude=47.4, longitude=8.5, position_noise=1.5)

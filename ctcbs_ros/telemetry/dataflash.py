@@ -150,6 +150,8 @@ class DataflashDecoder:
         self.wind: Vector | None = None
         self.unix_anchor = unix_anchor
         self._clock = VehicleClock(time_steps=self.link.time_steps)
+        if unix_anchor is not None:
+            self._clock.set_unix(*unix_anchor)
         self._system = 1
         self._estimator = "XKF"
         self._primary_core = 0

@@ -1,0 +1,42 @@
+"""Geodetic coordinates and the local frame."""
+
+import numpy as np
+import pytest
+
+from ctcbs_ros.geodesy import Datum, to_enu, to_geodetic
+
+# WGS 84: semi-major axis and flattening (NIMA TR8350.2, table 3.1).
+SEMI_MAJOR, FLATTENING = 6_378_137.0, 1 / 298.257223563
+
+
+@pytest.mark.parametrize("latitude", [-89.0, -35.4, 0.0, 47.4, 80.0])
+@pytest.mark.parametrize("longitude", [-179.9999, 0.0, 179.9999])
+def test_there_and_back_is_the_same_point_on_either_hemisphere(latitude, longitude):
+    datum = Datum(latitude, longitude, 300.0, True)
+    points = np.random.default_rng(1).uniform(-2000, 2000, (50, 3))
+    back = np.column_stack(to_enu(datum, *to_geodetic(datum, *points.T)))
+    np.testing.assert_allclose(back, points, atol=1e-6)
+
+
+@pytest.mark.parametrize("latitude", [-35.4, 0.0, 60.0])
+def test_small_steps_in_latitude_and_longitude_are_the_arcs_of_the_ellipsoid(latitude):
+    # Radii of curvature of the ellipsoid in the meridian, M, and across it, N.
+    squared_eccentricity = FLATTENING * (2 - FLATTENING)
+    w = np.sqrt(1 - squared_eccentricity * np.sin(np.radians(latitude)) ** 2)
+    meridian = SEMI_MAJOR * (1 - squared_eccentricity) / w**3
+    across = SEMI_MAJOR / w * np.cos(np.radians(latitude))
+    datum = Datum(latitude, 8.5, 0.0, True)
+    step = 1e-5
+    east, north, up = to_enu(datum, latitude + step, 8.5 + step, 7.0)
+    assert north == pytest.approx(meridian * np.radians(step), abs=1e-5)
+    assert east == pytest.approx(across * np.radians(step), abs=1e-5)
+    assert up == pytest.approx(7.0, abs=1e-5)
+
+
+def test_amsl_taken_for_ellipsoidal_height_barely_changes_local_coordinates():
+    geoid_height = 100.0
+    ellipsoidal = Datum(47.4, 8.5, 500.0 + geoid_height, True)
+    amsl = Datum(47.4, 8.5, 500.0, False)
+    one = to_enu(ellipsoidal, 47.41, 8.51, 800.0 + geoid_height)
+    other = to_enu(amsl, 47.41, 8.51, 800.0)
+    assert np.linalg.norm(np.subtract(one, other)) < 2e-5 * np.linalg.norm(one)
