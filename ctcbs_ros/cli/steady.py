@@ -122,6 +122,7 @@ def run(args) -> int:
             "growth_rate": damping.growth_rate,
             "frequency": damping.frequency,
             "stable": damping.stable,
+            "nearest_loss": damping.nearest_loss,
             "residual": state.residual,
             "converged": state.converged and damping.converged,
             "functions": damping.functions,

@@ -211,7 +211,7 @@ def _integrated(parameters, u, tolerance) -> tuple[SteadyState | None, float]:
         parameters=parameters,
         end_mass_radius=radius,
         depth=float(end[2]),
-        phase_lag=atan2(end[1], end[0]) % (2.0 * pi),
+        phase_lag=_positive_angle(atan2(end[1], end[0])),
         tension_end_mass=float(np.linalg.norm(first)),
         tension_tow_point=float(np.linalg.norm(end[3:])),
         least_tension=float(least),
@@ -220,3 +220,9 @@ def _integrated(parameters, u, tolerance) -> tuple[SteadyState | None, float]:
         converged=bool(residual < RESIDUAL_LIMIT),
     )
     return state, miss
+
+
+def _positive_angle(angle: float) -> float:
+    """The angle in [0, 2 pi); the remainder of a tiny negative one rounds to 2 pi itself."""
+    angle %= 2.0 * pi
+    return angle if angle < 2.0 * pi else 0.0
