@@ -97,7 +97,8 @@ def stability(state: SteadyState, band: float | None = None, functions=FUNCTIONS
     ----------
     state : SteadyState
     band : float, optional
-        Largest |Im lambda| per radian that counts; by default `Parameters.band`.
+        Largest |Im lambda| per radian that counts; by default `Parameters.band`. Where no mode is
+        that slow, it is widened to the slowest one.
     functions : sequence of int
         Numbers of functions to try, until two in succession agree.
 
@@ -113,12 +114,12 @@ def stability(state: SteadyState, band: float | None = None, functions=FUNCTIONS
     before = None
     for n in functions:
         values = eigenvalues(state, n)
-        values = values[np.abs(values.imag) <= band]
-        if values.size == 0:
-            continue
+        # On a slow orbit even the pendulum may swing faster than the band: then it is what counts.
+        slowest = np.abs(values.imag).min()
+        values = values[np.abs(values.imag) <= max(band, slowest)]
         worst = values[np.argmax(values.real)]
         growth, frequency = float(worst.real), float(abs(worst.imag))
         if before is not None and abs(growth - before) <= max(RELATIVE * abs(growth), ABSOLUTE):
-            return Stability(growth, frequency, band, n, True)
+            return Stability(growth, frequency, max(band, frequency), n, True)
         before = growth
-    return Stability(growth, frequency, band, n, False)
+    return Stability(growth, frequency, max(band, frequency), n, False)
