@@ -230,6 +230,13 @@ def test_ground_station_that_sends_positions_is_not_followed():
     assert (samples, decoder.vehicle) == ([], None)
 
 
+def test_sender_of_many_positions_is_followed_before_one_of_few():
+    few, many = Sender(3, 1), Sender(4, 1)
+    frames = [few(position(1000))] + [many(position(1000 + 200 * i)) for i in range(25)]
+    _, decoder = decode(frames)
+    assert decoder.vehicle == Vehicle(4, 1, "unknown type")
+
+
 def test_interleaved_vehicles_are_told_apart():
     one, other = Sender(1, 1), Sender(2, 1)
     frames = [one(heartbeat()), other(heartbeat())]

@@ -132,8 +132,9 @@ class VehicleDecoder:
 
     def choose_any(self) -> None:
         """Follow the first sender of positions now, however few they were."""
-        if self.vehicle is None and self._positions_heard:
-            self.vehicle = Vehicle(*next(iter(self._positions_heard)), "unknown type")
+        senders = [source for source in self._positions_heard if source not in self._not_aircraft]
+        if self.vehicle is None and senders:
+            self.vehicle = Vehicle(*senders[0], "unknown type")
 
     def _heartbeat(self, message, source: tuple[int, int]) -> None:
         has_autopilot = message.autopilot != dialect.MAV_AUTOPILOT_INVALID
@@ -150,7 +151,7 @@ class VehicleDecoder:
         if self._is_wanted(source) and source not in self._not_aircraft:
             self._positions_heard[source] += 1
             if self._positions_heard[source] == POSITIONS_WITHOUT_HEARTBEAT:
-                self.choose_any()
+                self.vehicle = Vehicle(*source, "unknown type")
 
     def _is_wanted(self, source: tuple[int, int]) -> bool:
         return all(want in (None, have) for want, have in zip(self._wanted, source, strict=True))

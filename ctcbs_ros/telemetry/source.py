@@ -11,7 +11,7 @@ from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.mavlink import MavlinkDecoder
 from ctcbs_ros.telemetry.sample import Sample, Vector
 
-CHUNK = 1 << 16
+CHUNK = 1 << 14
 # Bytes in which a log must show its format, and tell its vehicle if it can.
 HEAD = 1 << 20
 # Random bytes hold a frame with a right checksum now and then; of a log, this part is messages.
