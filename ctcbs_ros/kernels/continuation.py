@@ -149,10 +149,19 @@ def trace(
 
 
 @njit(cache=True)
-def fold(theta, exponents, length, length_exponent, tolerance, points):
-    """Locate the fold h = 0, dh/du = 0 between two points of a trace.
+def zero_between(theta, exponents, length, length_exponent, tolerance, points, column):
+    """Locate where one component of the gradient vanishes between two points of a trace.
 
-    points : (2, 4) array, two neighbours of a trace with opposite dh/du.
+    Parameters
+    ----------
+    theta, exponents, length, length_exponent
+        The family, at tau = 0.
+    tolerance : float
+        Of the integration.
+    points : (2, 4) array
+        Two neighbours of a trace, the component of opposite sign at them.
+    column : int
+        2 for dh/du (a fold), 3 for dh/dtau (an extremum of the end-mass radius).
 
     Returns
     -------
@@ -166,7 +175,7 @@ def fold(theta, exponents, length, length_exponent, tolerance, points):
     a, b = 0.0, 1.0
     size_a = np.sqrt(points[0, 2] ** 2 + points[0, 3] ** 2)
     size_b = np.sqrt(points[1, 2] ** 2 + points[1, 3] ** 2)
-    fa, fb = points[0, 2] / size_a, points[1, 2] / size_b
+    fa, fb = points[0, column] / size_a, points[1, column] / size_b
     side = 0
     for _ in range(60):
         c = (a * fb - b * fa) / (fb - fa)
@@ -178,7 +187,7 @@ def fold(theta, exponents, length, length_exponent, tolerance, points):
         )
         if not good:
             return tau, u, False
-        fc = h_u / np.sqrt(h_u * h_u + h_tau * h_tau)
+        fc = (h_u if column == 2 else h_tau) / np.sqrt(h_u * h_u + h_tau * h_tau)
         if abs(fc) < 1e-9 or b - a < 1e-13:
             return tau, u, True
         if fc * fa > 0.0:
@@ -192,6 +201,12 @@ def fold(theta, exponents, length, length_exponent, tolerance, points):
                 fa *= 0.5
             side = -1
     return tau, u, False
+
+
+@njit(cache=True)
+def fold(theta, exponents, length, length_exponent, tolerance, points):
+    """Locate the fold h = 0, dh/du = 0 between two neighbours of a trace; see `zero_between`."""
+    return zero_between(theta, exponents, length, length_exponent, tolerance, points, 2)
 
 
 @njit(cache=True)
