@@ -74,7 +74,8 @@ def parameters_from(args):
     return Parameters(**given)
 
 
-def _flight_from(args):
+def flight_from(args):
+    """`FlightPoint` from --config, --radius, --speed; an InputError names what is missing."""
     from ctcbs_ros.configuration import load_configuration
     from ctcbs_ros.scaling import flight_point
 
@@ -102,7 +103,7 @@ def run(args) -> int:
         raise InputError(f"--band: {args.band:g} is not allowed, it must be above 0 and finite")
     flight = None
     if args.config is not None:
-        flight = _flight_from(args)
+        flight = flight_from(args)
         parameters = flight.parameters
     else:
         for name in (*_FLIGHT, "cable_length", "altitude"):

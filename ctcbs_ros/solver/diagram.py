@@ -1,11 +1,12 @@
 """Bifurcation diagrams: every branch in one varying parameter, and the events on it.
 
-The states are the level set of one smooth function (`ctcbs_ros.kernels.continuation`). Every branch in
-the range is met by finding all states on a set of cuts and tracing those that no branch found so
-far passes through; an event is a zero of a smooth function along a branch.
+The states are the level set of one smooth function (`ctcbs_ros.kernels.continuation`). Every
+branch in the range is met by finding all states on a set of cuts and tracing those that no branch found
+so far passes through; an event is a zero of a smooth function along a branch.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import exp, log
 
 import numpy as np
@@ -108,7 +109,7 @@ def diagram(
         If the range is empty or not positive.
     """
     if not 0.0 < low < high < np.inf:
-        raise InputError(f"range: from {low:g} to {high:g} is not allowed, 0 < from < to is needed")
+        raise InputError(f"range: {low:g} to {high:g} is not allowed, 0 < from < to is needed")
     tau_low, tau_high = log(low / value), log(high / value)
     traces: list[np.ndarray] = []
     for tau in np.linspace(tau_low, tau_high, _CUTS):
@@ -117,7 +118,9 @@ def diagram(
             if not any(_passes(points, tau, log(state.end_mass_radius)) for points in traces):
                 traces.append(_whole(parameters, family, state, float(tau), tau_low, tau_high))
     branches = [
-        _branch(parameters, family, value, points, with_stability) for points in traces if len(points)
+        _branch(parameters, family, value, points, with_stability)
+        for points in traces
+        if len(points)
     ]
     return tuple(sorted(branches, key=lambda b: not b.connected_to_zero))
 
@@ -145,7 +148,10 @@ def _whole(parameters, family, state, tau, tau_low, tau_high) -> np.ndarray:
         if status == continuation.CLOSED:
             return np.vstack([part, part[:1]])
         halves.append(part)
-    return np.vstack([halves[0][:0:-1], halves[1]])
+    points = np.vstack([halves[0][:0:-1], halves[1]])
+    # A branch that starts at the edge of the range has its first point twice.
+    moved = np.hypot(*np.diff(points[:, :2], axis=0).T) > 1e-9
+    return points[np.concatenate([[True], moved])]
 
 
 def _cut(parameters, family, points, tau_low, tau_high) -> np.ndarray:
@@ -237,7 +243,7 @@ def _events(parameters, family, value, rows, column) -> list[tuple[Event, int]]:
 def _hopf(parameters, family, value, rows, states) -> tuple[Event, ...]:
     """Points where a pair of complex eigenvalues crosses the imaginary axis."""
     found = []
-    for i, (a, b) in enumerate(zip(states[:-1], states[1:], strict=True)):
+    for i, (a, b) in enumerate(pairwise(states)):
         if not (a.growth_rate * b.growth_rate < 0.0) or rows[i, 2] * rows[i + 1, 2] < 0.0:
             continue
         functions = None
@@ -254,7 +260,7 @@ def _hopf(parameters, family, value, rows, states) -> tuple[Event, ...]:
             damping = stability(state) if functions is None else stability(
                 state, functions=(functions,)
             )
-            # One number of functions for all: growth rates of two numbers differ by more than 1e-9.
+            # One number of functions for all: two numbers' growth rates differ by more than 1e-9.
             functions = functions or damping.functions
             if abs(damping.growth_rate) < 1e-12 or high - low < 1e-11:
                 break

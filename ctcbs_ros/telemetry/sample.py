@@ -31,11 +31,11 @@ class Sample:
     velocity : tuple of 3 floats, optional
         East, north, up [m/s]; None where not sent.
     fix_type : int, optional
-        MAVLink GPS_FIX_TYPE (3 and above is a 3D fix); None where the source sends no such evidence.
+        MAVLink GPS_FIX_TYPE (3 and above is a 3D fix); None where the source sends none.
     satellites : int, optional
         Satellites used; None where not sent.
     horizontal_accuracy : float
-        One standard deviation of the horizontal position, as the receiver states it [m]; nan unknown.
+        One standard deviation of the horizontal position, as stated [m]; nan unknown.
     speed_accuracy : float
         One standard deviation of the velocity [m/s]; nan unknown.
     """
