@@ -326,14 +326,6 @@ def test_the_end_mass_bounces_on_the_stiffness_of_the_line(elastic):
         assert np.abs(values - expected).min() < 1e-3 * expected
 
 
-def test_bounce_at_the_stretched_point_is_near_the_orbital_rate():
-    # docs/thesis.md: |Im| about beta sqrt(gamma)/(l omega), 1.25
-    beta = brentq(lambda b: b * np.tan(b) - 3.0 / 50.0, 1e-6, 1.5)
-    assert beta * np.sqrt(600.0) / (3.0 * 1.6) == pytest.approx(1.25, abs=0.02)
-    values = eigenvalues(_state(STRETCHED), 16)
-    assert np.abs(np.abs(values.imag) - 1.25).min() < 0.15
-
-
 def test_without_drag_nothing_is_damped():
     state = steady_states(Parameters(0.3, 3.0, 20.0, 0.0, 0.0)).states[0]
     assert np.abs(eigenvalues(state, 12).real).max() < 1e-8
