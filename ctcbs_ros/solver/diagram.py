@@ -1,8 +1,8 @@
 """Bifurcation diagrams: every branch in one varying parameter, and the events on it.
 
 The states are the level set of one smooth function (`ctcbs_ros.kernels.continuation`). Every
-branch in the range is met by finding all states on a set of cuts and tracing those that no branch found
-so far passes through; an event is a zero of a smooth function along a branch.
+branch in the range is met by finding all states on a set of cuts and tracing those that no branch
+found so far passes through; an event is a zero of a smooth function along a branch.
 """
 
 from dataclasses import dataclass
