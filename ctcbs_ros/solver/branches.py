@@ -14,7 +14,13 @@ from ctcbs_ros.kernels import continuation
 from ctcbs_ros.kernels.trajectory import D_N, N_THETA, OMEGA, D, G, M, W
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
-from ctcbs_ros.solver.steady_state import SCAN_TOLERANCE, TOLERANCE, SteadyState, steady_states
+from ctcbs_ros.solver.steady_state import (
+    SCAN_TOLERANCE,
+    TOLERANCE,
+    SteadyState,
+    correct_state,
+    steady_states,
+)
 
 _MOST_POINTS = 2000
 # A state is looked for this far (in ln) beyond a fold, where the pair that merged is gone.
@@ -166,10 +172,14 @@ def trace(
             folds.append(Fold(tau, exp(u)))
     crossings = []
     if target is not None and count:
+        there = family.at(parameters, target)
         side = points[:, 0] - target
         for i in np.flatnonzero(side[:-1] * side[1:] < 0.0):
-            share = side[i] / (side[i] - side[i + 1])
-            crossings.append(exp(points[i, 1] + share * (points[i + 1, 1] - points[i, 1])))
+            rise = points[i + 1, 1] - points[i, 1]
+            guess = exp(points[i, 1] + rise * side[i] / (side[i] - side[i + 1]))
+            # The chord's error can exceed the distance by which states are told apart.
+            state = correct_state(there, guess, abs(rise) + 1e-3)
+            crossings.append(guess if state is None else state.end_mass_radius)
     return Path(points[:, 0], np.exp(points[:, 1]), tuple(folds), tuple(crossings), status)
 
 
@@ -292,7 +302,6 @@ def branch_from_straight_flight(parameters: Parameters) -> FlownBranch:
     path = trace(start, radius, RADIUS_AT_SPEED, -1, (-far - 0.05, 0.05), target=-far)
     connected = path.crossings
     jumps = 0
-    tau = 0.0
     while path.folds:
         # The first fold met while the circle tightens; those behind the present radius are met
         # only after the branch has reached it.
@@ -303,7 +312,6 @@ def branch_from_straight_flight(parameters: Parameters) -> FlownBranch:
         state = landing(start, fold, RADIUS_AT_SPEED, -1)
         if state is None:
             return FlownBranch(float("nan"), connected, jumps)
-        tau += fold.tau - _BEYOND
         far += fold.tau - _BEYOND
         start = state.parameters
         path = trace(
