@@ -83,7 +83,7 @@ class Table:
         if cell is None:
             return None
         around = self.count[cell]
-        if around.min() != around.max() or around.min() == 0:
+        if around.min() != around.max() or around.min() == 0 or self._folds_on_edge(cell):
             return None
         i, d_radius = _nearest(self._ln_radius, log(point.radius))
         j, d_speed = _nearest(self._ln_speed, log(point.speed))
@@ -99,6 +99,19 @@ class Table:
             return True
         folds = (self.fold_angular_rate[cell], self.fold_radius[cell])
         return any(np.any(np.isfinite(fold)) for fold in folds)
+
+    def _folds_on_edge(self, cell) -> bool:
+        """Whether a branch folds between two nodes of a cell: then it may hold more states."""
+        radii, speeds = cell
+        along_radius, along_speed = self.fold_radius[cell], self.fold_angular_rate[cell]
+        width = np.diff(self._ln_radius[radii])[0]
+        height = np.diff(self._ln_speed[speeds])[0]
+        return bool(
+            np.any(along_radius[0, ..., 1] < width)
+            or np.any(along_radius[1, ..., 0] > -width)
+            or np.any(along_speed[:, 0, ..., 1] < height)
+            or np.any(along_speed[:, 1, ..., 0] > -height)
+        )
 
     def _cell(self, point: FlightPoint):
         """Index of the four nodes around a point; None where the table does not apply."""
