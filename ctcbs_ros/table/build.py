@@ -1,6 +1,8 @@
 """Computation of the continuation table, one row of tow radius at a time on every core."""
 
 import multiprocessing
+import os
+import threading
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from math import nan
 
@@ -47,7 +49,7 @@ def build_table(configuration: Configuration, nodes: int = NODES, progress: bool
     rows: list = [None] * radius.size
     # Spawned, not forked: the parent may run ROS's threads.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(mp_context=context) as pool:
+    with ProcessPoolExecutor(mp_context=context, initializer=_end_with_parent) as pool:
         jobs = {
             pool.submit(_row, configuration, float(a), speed, density): i
             for i, a in enumerate(radius)
@@ -79,6 +81,15 @@ def build_table(configuration: Configuration, nodes: int = NODES, progress: bool
         cable_length=configuration.cable.length, end_mass=configuration.end_mass.mass,
         count=count, **single, **pairs,
     )
+
+
+def _end_with_parent() -> None:
+    """End this worker when its parent is killed: the pool alone would wait for work for ever."""
+    def wait():
+        multiprocessing.parent_process().join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _row(configuration: Configuration, radius: float, speeds: np.ndarray, density: float):

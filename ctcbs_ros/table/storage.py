@@ -6,10 +6,12 @@ command that rebuilds it.
 
 import io
 import os
+import struct
 import tempfile
 import zipfile
 import zlib
 from dataclasses import fields
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +23,15 @@ from ctcbs_ros.table.table import Table
 FORMAT = "ctcbs_ros table"
 FORMAT_VERSION = 1
 _SCALARS = ("density", "cable_length", "end_mass")
-_BROKEN = (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile, zlib.error, MemoryError)
+_AXES = ("radius", "speed")
+_PAIRS = ("radius_slope", "fold_angular_rate", "fold_radius")
+_HEADER = ("format", "format_version", "configuration_hash", "source")
+# What numpy and zipfile raise on damaged bytes; RuntimeError where a flag says "encrypted" or a
+# compression is named that does not exist.
+_BROKEN = (
+    OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile, zlib.error, struct.error,
+    MemoryError, OverflowError, RuntimeError,
+)  # fmt: skip
 
 
 def save_table(table: Table, configuration: Configuration, path: str | Path) -> None:
@@ -63,21 +73,20 @@ def writable(path: str | Path) -> None:
     """Refuse a path that cannot be written before anything long is computed."""
     path = Path(path)
     folder = path.parent
-    while not folder.exists():
+    while not os.path.exists(folder):
         folder = folder.parent
-    if path.is_dir() or not folder.is_dir() or not os.access(folder, os.W_OK):
+    if os.path.isdir(path) or not os.path.isdir(folder) or not os.access(folder, os.W_OK):
         raise InputError(f"{path}: cannot be written; name a file in a folder of yours")
 
 
 def read_header(path: str | Path) -> dict:
     """Format version, configuration hash and source of a file that `load_table` takes."""
-    load_table(path)
-    with np.load(path, allow_pickle=False) as archive:
-        return {
-            "format_version": int(archive["format_version"]),
-            "configuration_hash": str(archive["configuration_hash"]),
-            "source": str(archive["source"]),
-        }
+    content = _read(Path(path), "CONFIG")
+    return {
+        "format_version": int(content["format_version"]),
+        "configuration_hash": str(content["configuration_hash"]),
+        "source": str(content["source"]),
+    }
 
 
 def load_table(path: str | Path, configuration: Configuration | None = None) -> Table:
@@ -96,31 +105,52 @@ def load_table(path: str | Path, configuration: Configuration | None = None) -> 
         configuration; the message names the command that rebuilds it.
     """
     path = Path(path)
-    config = configuration.source if configuration is not None else "CONFIG"
-    rebuild = f"build it with: ctcbs table build {config} -o {path}"
-    if not path.is_file():
+    config = "CONFIG"
+    # A node's parameters have the node's name for a source, not a file's.
+    if configuration is not None and os.path.isfile(configuration.source):
+        config = configuration.source
+    content = _read(path, config)
+    if configuration is not None and str(content["configuration_hash"]) != configuration_hash(
+        configuration
+    ):
+        raise InputError(
+            f"{path}: the table belongs to another configuration; {_rebuild(path, config)}"
+        )
+    try:
+        return _table(content)
+    except (KeyError, ValueError, TypeError, AttributeError, IndexError):
+        raise InputError(f"{path}: the table is incomplete; {_rebuild(path, config)}") from None
+
+
+def _rebuild(path: Path, config: str) -> str:
+    return f"build it with: ctcbs table build {config} -o {path}"
+
+
+def _read(path: Path, config: str) -> dict:
+    """Every array of a file in the format of this version."""
+    rebuild = _rebuild(path, config)
+    if not os.path.isfile(path):
         raise InputError(f"{path}: no such table; {rebuild}")
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            content = {name: archive[name] for name in archive.files}
+        archive = np.load(path, allow_pickle=False)
+        if isinstance(archive, np.ndarray):
+            content = {}
+        else:
+            with archive:
+                content = {name: archive[name] for name in archive.files}
     except _BROKEN:
         raise InputError(f"{path}: the table is truncated or corrupt; {rebuild}") from None
-    if str(content.get("format", "")) != FORMAT:
+    if not all(isinstance(content.get(name), np.ndarray) for name in _HEADER) or (
+        str(content["format"]) != FORMAT
+    ):
         raise InputError(f"{path}: this is not a table of ctcbs_ros; {rebuild}")
-    version = content.get("format_version")
-    if version is None or version.shape or int(version) != FORMAT_VERSION:
+    version = str(content["format_version"])
+    if version != str(FORMAT_VERSION):
         raise InputError(
             f"{path}: the table has format version {version}, this program reads "
             f"{FORMAT_VERSION}; {rebuild}"
         )
-    if configuration is not None and str(content.get("configuration_hash")) != configuration_hash(
-        configuration
-    ):
-        raise InputError(f"{path}: the table belongs to another configuration; {rebuild}")
-    try:
-        return _table(content)
-    except (KeyError, ValueError, TypeError):
-        raise InputError(f"{path}: the table is incomplete; {rebuild}") from None
+    return content
 
 
 def _table(content: dict) -> Table:
@@ -133,12 +163,20 @@ def _table(content: dict) -> Table:
     states = (*grid, table.end_mass_radius.shape[-1])
     for field in fields(Table):
         value = values[field.name]
-        if field.name in (*_SCALARS, "radius", "speed"):
-            fits = np.all(np.isfinite(value)) and np.all(np.asarray(value) > 0.0)
+        if field.name in _SCALARS:
+            fits = 0.0 < value < inf
+        elif field.name in _AXES:
+            fits = value.ndim == 1 and value.size > 1 and value[0] > 0.0
+            fits = fits and np.all(np.isfinite(value)) and np.all(np.diff(value) > 0.0)
         elif field.name == "count":
-            fits = value.shape == grid and value.min() >= 0 and value.max() <= states[-1]
+            fits = value.shape == grid and value.dtype.kind == "i"
+            fits = fits and value.min() >= 0 and value.max() <= states[-1]
         else:
-            fits = value.shape in (states, (*states, 2))
+            shape = (*states, 2) if field.name in _PAIRS else states
+            fits = value.shape == shape and value.dtype.kind == "f"
         if not fits:
             raise ValueError(field.name)
+    present = np.arange(states[-1]) < table.count[..., None]
+    if not np.all(table.end_mass_radius[present] > 0.0):
+        raise ValueError("end_mass_radius")
     return table
