@@ -21,9 +21,12 @@ PACKAGE = REPOSITORY / "ctcbs_ros"
 DRONE = REPOSITORY / "config" / "small_drone.yaml"
 
 # The two ends of the architecture: only these know ROS or MAVLink ...
-EDGES = ("nodes/", "telemetry/mavlink.py", "telemetry/dataflash.py", "simulate.py")
+EDGES = (
+    "nodes/", "telemetry/mavlink.py", "telemetry/dataflash.py", "simulate.py",
+    "replay/through_node.py",
+)
 # ... and only these join them to the core.
-JOINTS = ("cli/", "replay.py", "telemetry/source.py", "__main__.py")
+JOINTS = ("cli/", "replay/", "telemetry/source.py", "__main__.py")
 
 
 def modules(leave_out):
