@@ -196,9 +196,9 @@ def _branch(parameters, family, value, points, with_stability) -> DiagramBranch:
     extrema = _events(parameters, family, value, rows, 3)
     minima, maxima = [], []
     for event, index in extrema:
-        ends = (states[index].end_mass_radius, states[index + 1].end_mass_radius)
-        lower = event.end_mass_radius <= min(ends) * (1.0 + 1e-12)
-        (minima if lower else maxima).append(event)
+        # d u/d tau = -h_tau/h_u goes from minus to plus with rising tau at a minimum.
+        falls = -rows[index, 3] / rows[index, 2] * (rows[index + 1, 0] - rows[index, 0]) < 0.0
+        (minima if falls else maxima).append(event)
     hopf = _hopf(parameters, family, value, rows, states) if with_stability else ()
     return DiagramBranch(
         states, tuple(e for e, _ in folds), hopf, tuple(minima), tuple(maxima),
