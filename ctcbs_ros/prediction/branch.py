@@ -27,6 +27,9 @@ FULL_SOLVE = "full solve"
 # With one state on hand, a change of ln(radius) up to this is the same state without a doubt.
 _SAME = 0.05
 _MOST_JUMPS = 5
+# A change of the flight (in ln) too small to trace, and one after which a branch is named anew.
+_STANDING = 1e-6
+_RENAME = 0.1
 
 
 @dataclass(frozen=True)
@@ -60,13 +63,14 @@ class BranchTracker:
     """Follows the end mass's state from orbit to orbit."""
 
     def __init__(self):
-        self._state: SteadyState | None = None
-        self._branch = MAIN
+        self.reset()
 
     def reset(self) -> None:
         """Forget the history: the next orbit is a first acquisition."""
-        self._state = None
+        self._state: SteadyState | None = None
         self._branch = MAIN
+        self._count = 0
+        self._named_at: Parameters | None = None
 
     def update(self, parameters: Parameters, guesses: Sequence[float] | None) -> Tracked:
         """Find the state flown at the present parameters.
@@ -105,13 +109,14 @@ class BranchTracker:
                         chosen = match(states, followed.end_mass_radius)
                     if chosen is None and states:
                         chosen = self._acquire(parameters, states)
-                elif jumps:
-                    self._name(parameters, states, chosen)
         if chosen is None:
             self.reset()
             return Tracked(None, "", (), method, jumps, reason or "the branch was lost")
         if len(states) == 1:
             self._branch = MAIN
+        elif jumps or len(states) != self._count or self._far_from_named(parameters):
+            self._name(parameters, states, chosen)
+        self._count = len(states)
         self._state = states[chosen]
         others = tuple(s for i, s in enumerate(states) if i != chosen)
         return Tracked(self._state, self._branch, others, method, jumps, reason)
@@ -119,21 +124,23 @@ class BranchTracker:
     def _acquire(self, parameters: Parameters, states) -> int:
         """First acquisition: the branch connected to straight flight at this speed and length."""
         if len(states) == 1:
-            self._branch = MAIN
             return 0
         flown = branch_from_straight_flight(parameters)
         chosen = match(states, flown.end_mass_radius)
         if chosen is None:
-            # Nothing stable leads here from straight flight: the least radius is the design state.
-            chosen = 0
-        self._name(parameters, states, chosen, flown.connected)
+            # Nothing stable leads here from straight flight: the least radius that does not
+            # diverge is the design state.
+            chosen = next((i for i, state in enumerate(states) if state.slope > 0.0), 0)
         return chosen
 
-    def _name(self, parameters, states, chosen, connected=None) -> None:
-        if connected is None:
-            connected = branch_from_straight_flight(parameters).connected
-        radius = states[chosen].end_mass_radius
-        folds = next((i for i, r in enumerate(connected) if abs(log(r / radius)) < 1e-2), None)
+    def _far_from_named(self, parameters: Parameters) -> bool:
+        return self._named_at is None or family_between(self._named_at, parameters)[1] > _RENAME
+
+    def _name(self, parameters: Parameters, states, chosen: int) -> None:
+        self._named_at = parameters
+        connected = branch_from_straight_flight(parameters).connected
+        flown = states[chosen : chosen + 1]
+        folds = next((i for i, r in enumerate(connected) if match(flown, r) == 0), None)
         if folds is None:
             self._branch = ISOLATED
         else:
@@ -151,11 +158,13 @@ def follow(state: SteadyState, target: Parameters) -> tuple[SteadyState | None, 
     """
     for jumps in range(_MOST_JUMPS):
         family, distance = family_between(state.parameters, target)
+        if distance < _STANDING:
+            return correct_state(target, state.end_mass_radius), jumps
         path = trace(
             state.parameters, state.end_mass_radius, family, 1, (-1e-3, distance), target=distance
         )
-        if path.folds:
-            state = landing(state.parameters, path.folds[0], family, 1)
+        if path.ahead is not None:
+            state = landing(state.parameters, path.ahead, family, 1)
             if state is None:
                 return None, jumps + 1
             continue

@@ -6,7 +6,7 @@ can do: change the angular rate at this radius, change the radius at this speed.
 """
 
 from dataclasses import dataclass, replace
-from math import exp, isclose, log
+from math import exp, inf, log
 
 import numpy as np
 
@@ -25,6 +25,11 @@ from ctcbs_ros.solver.steady_state import (
 _MOST_POINTS = 2000
 # A state is looked for this far (in ln) beyond a fold, where the pair that merged is gone.
 _BEYOND = 1e-4
+# How far inside the present radius (in ln) the branch from straight flight is followed.
+_INWARD = log(4.0)
+# Radii closer than this (in ln) may be one state, found in two ways.
+_SAME_STATE = 1e-3
+_MOST_JUMPS = 5
 
 
 @dataclass(frozen=True)
@@ -81,16 +86,18 @@ def family_between(start: Parameters, end: Parameters) -> tuple[Family, float]:
     by parts in a thousand.
     """
     def ratio(name):
-        return log(getattr(end, name) / getattr(start, name))
+        before, after = getattr(start, name), getattr(end, name)
+        # What is nothing or infinite (no drag, no stretch) is no power law, and stays.
+        return log(after / before) if 0.0 < before < inf and 0.0 < after < inf else 0.0
 
     changes = {
         "omega": ratio("omega"),
         "length": ratio("length"),
         "mass": ratio("end_mass"),
-        "cable_drag": ratio("cable_drag") if start.cable_drag > 0.0 else 0.0,
-        "end_mass_drag": ratio("end_mass_drag") if start.end_mass_drag > 0.0 else 0.0,
-        "elasticity": ratio("elasticity") if start.elastic else 0.0,
-        "rate": ratio("damping") if start.damping > 0.0 else 0.0,
+        "cable_drag": ratio("cable_drag"),
+        "end_mass_drag": ratio("end_mass_drag"),
+        "elasticity": ratio("elasticity"),
+        "rate": ratio("damping"),
     }
     distance = max(sum(change**2 for change in changes.values()) ** 0.5, 1e-12)
     scaled = {name: change / distance for name, change in changes.items()}
@@ -118,6 +125,8 @@ class Path:
         In the order of the trace.
     crossings : tuple of float
         End-mass radii where the path meets tau = `target`, in the order of the trace.
+    ahead : Fold or None
+        The first fold, where the path meets it before it meets tau = `target`.
     status : int
         Of `ctcbs_ros.kernels.continuation.trace`.
     """
@@ -126,6 +135,7 @@ class Path:
     end_mass_radius: np.ndarray
     folds: tuple[Fold, ...]
     crossings: tuple[float, ...]
+    ahead: Fold | None
     status: int
 
 
@@ -163,24 +173,40 @@ def trace(
         float(direction), tau_range[0], tau_range[1], SCAN_TOLERANCE * 1e-2, points,
     )
     points = points[:count]
-    folds = []
+    places, turns = [], []
     for i in np.flatnonzero(points[:-1, 2] * points[1:, 2] < 0.0):
         tau, u, good = continuation.fold(
             theta, exponents, parameters.length, family.length, TOLERANCE, points[i : i + 2]
         )
-        if good and tau_range[0] <= tau <= tau_range[1]:
-            folds.append(Fold(tau, exp(u)))
-    crossings = []
-    if target is not None and count:
+        if good:
+            places.append(i + 1)
+            turns.append((tau, u))
+    # The folds take their places among the points: the path may meet the target just before one.
+    places = np.array(places, int)
+    line = np.insert(points[:, :2], places, np.array(turns).reshape(-1, 2), axis=0)
+    at_fold = places + np.arange(places.size)
+    at_fold = at_fold[(line[at_fold, 0] >= tau_range[0]) & (line[at_fold, 0] <= tau_range[1])]
+    folds = tuple(Fold(float(line[k, 0]), exp(line[k, 1])) for k in at_fold)
+    crossings = ()
+    ahead = folds[0] if folds else None
+    if target is not None:
+        side = line[:, 0] - target
+        meets = np.flatnonzero(side[:-1] * side[1:] < 0.0)
         there = family.at(parameters, target)
-        side = points[:, 0] - target
-        for i in np.flatnonzero(side[:-1] * side[1:] < 0.0):
-            rise = points[i + 1, 1] - points[i, 1]
-            guess = exp(points[i, 1] + rise * side[i] / (side[i] - side[i + 1]))
-            # The chord's error can exceed the distance by which states are told apart.
-            state = correct_state(there, guess, abs(rise) + 1e-3)
-            crossings.append(guess if state is None else state.end_mass_radius)
-    return Path(points[:, 0], np.exp(points[:, 1]), tuple(folds), tuple(crossings), status)
+        crossings = tuple(_crossing(there, target, line[k : k + 2]) for k in meets)
+        if folds and meets.size and meets[0] < at_fold[0]:
+            ahead = None
+    return Path(points[:, 0], np.exp(points[:, 1]), folds, crossings, ahead, status)
+
+
+def _crossing(there: Parameters, target: float, chord: np.ndarray) -> float:
+    """End-mass radius where a path meets tau = target between two points (tau, u)."""
+    share = (target - chord[0, 0]) / (chord[1, 0] - chord[0, 0])
+    rise = chord[1, 1] - chord[0, 1]
+    guess = exp(chord[0, 1] + share * rise)
+    # The chord's error can exceed the distance by which states are told apart.
+    state = correct_state(there, guess, abs(rise) + 1e-3)
+    return guess if state is None else state.end_mass_radius
 
 
 def branch_end(state: SteadyState, family: Family, direction: int, reach: float) -> Fold | None:
@@ -231,6 +257,11 @@ def branch_ends(state: SteadyState) -> tuple[BranchEnd, ...]:
     return tuple(BranchEnd(*end) for end in ends if end[0] is not None)
 
 
+def beyond(parameters: Parameters, fold: Fold, family: Family, direction: int) -> Parameters:
+    """The parameters just beyond a fold, where the pair of states that merged is gone."""
+    return family.at(parameters, fold.tau + direction * _BEYOND)
+
+
 def landing(
     parameters: Parameters, fold: Fold, family: Family, direction: int
 ) -> SteadyState | None:
@@ -255,8 +286,8 @@ def landing(
     A steady-state rule: which of several stable states a real jump reaches is decided by the
     transient, which is not computed here.
     """
-    beyond = family.at(parameters, fold.tau + direction * _BEYOND)
-    stable = [s for s in steady_states(beyond).states if s.slope > 0.0 and stability(s).stable]
+    there = beyond(parameters, fold, family, direction)
+    stable = [s for s in steady_states(there).states if s.slope > 0.0 and stability(s).stable]
     return min(
         stable, key=lambda s: abs(log(s.end_mass_radius / fold.end_mass_radius)), default=None
     )
@@ -298,27 +329,24 @@ def branch_from_straight_flight(parameters: Parameters) -> FlownBranch:
     states = steady_states(start).states
     if len(states) != 1:
         return FlownBranch(float("nan"), (), 0)
-    radius = states[0].end_mass_radius
-    path = trace(start, radius, RADIUS_AT_SPEED, -1, (-far - 0.05, 0.05), target=-far)
-    connected = path.crossings
-    jumps = 0
-    while path.folds:
-        # The first fold met while the circle tightens; those behind the present radius are met
-        # only after the branch has reached it.
-        fold = path.folds[0]
-        if fold.tau <= -far:
-            break
-        jumps += 1
-        state = landing(start, fold, RADIUS_AT_SPEED, -1)
-        if state is None:
-            return FlownBranch(float("nan"), connected, jumps)
-        far += fold.tau - _BEYOND
-        start = state.parameters
+    state, connected = states[0], None
+    for jumps in range(_MOST_JUMPS):
         path = trace(
-            start, state.end_mass_radius, RADIUS_AT_SPEED, -1, (-far - 0.05, 0.05), target=-far
+            start, state.end_mass_radius, RADIUS_AT_SPEED, -1, (-far - _INWARD, 0.05), target=-far
         )
-    flown = path.crossings[0] if path.crossings else float("nan")
-    return FlownBranch(flown, connected, jumps)
+        if connected is None:
+            connected = path.crossings
+        if path.ahead is None:
+            flown = path.crossings[0] if path.crossings else float("nan")
+            return FlownBranch(flown, connected, jumps)
+        state = landing(start, path.ahead, RADIUS_AT_SPEED, -1)
+        if state is None:
+            return FlownBranch(float("nan"), connected, jumps + 1)
+        far += path.ahead.tau - _BEYOND
+        if far <= 0.0:
+            return FlownBranch(state.end_mass_radius, connected, jumps + 1)
+        start = state.parameters
+    return FlownBranch(float("nan"), connected, _MOST_JUMPS)
 
 
 def _far_away(parameters: Parameters) -> float:
@@ -327,8 +355,7 @@ def _far_away(parameters: Parameters) -> float:
 
 
 def match(states, end_mass_radius: float) -> int | None:
-    """Index of the state with this end-mass radius, to 0.1 %; None if there is none."""
-    for i, state in enumerate(states):
-        if isclose(state.end_mass_radius, end_mass_radius, rel_tol=1e-3):
-            return i
-    return None
+    """Index of the state nearest to an end-mass radius; None if none is within 0.1 %."""
+    far = [abs(log(state.end_mass_radius / end_mass_radius)) for state in states]
+    nearest = min(range(len(far)), key=far.__getitem__, default=None)
+    return nearest if nearest is not None and far[nearest] < _SAME_STATE else None
