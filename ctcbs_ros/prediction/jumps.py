@@ -1,7 +1,7 @@
 """The nearest ends of the tracked branch, kept up to date from one orbit to the next."""
 
 from dataclasses import dataclass, replace
-from math import exp, expm1, log, nan
+from math import exp, expm1, isnan, log, nan
 
 from ctcbs_ros.kernels.continuation import correct_fold
 from ctcbs_ros.prediction.prediction import Jump
@@ -9,22 +9,24 @@ from ctcbs_ros.solver.branches import (
     ANGULAR_RATE,
     RADIUS_AT_SPEED,
     BranchEnd,
-    Family,
     Fold,
+    beyond,
     branch_ends,
     family_between,
     landing,
 )
-from ctcbs_ros.solver.steady_state import TOLERANCE, SteadyState
+from ctcbs_ros.solver.steady_state import TOLERANCE, SteadyState, correct_state
 
 # A change of the flight (in ln) after which the branch is traced anew rather than corrected.
 _RETRACE = 0.02
+# A change of the end-mass radius (in ln) that may mean another branch.
+_OTHER_BRANCH = 0.1
 
 
 @dataclass(frozen=True)
 class _End:
     end: BranchEnd
-    landing_radius: float  # over the present tow radius
+    landing_radius: float  # over the tow radius at the fold
 
 
 class JumpFinder:
@@ -56,12 +58,8 @@ class JumpFinder:
         if not may_end:
             self.reset()
             return {"angular_rate": None, "radius": None}
-        if self._traced_at is None:
+        if self._traced_at is None or _is_elsewhere(self._traced_at, state):
             self._retrace(state)
-        else:
-            _, moved = family_between(self._traced_at.parameters, state.parameters)
-            if moved > _RETRACE:
-                self._retrace(state)
         ends = []
         for end in self._ends:
             corrected = self._corrected(end, state)
@@ -80,10 +78,7 @@ class JumpFinder:
         self._ends = []
         for end in branch_ends(state):
             after = landing(state.parameters, end.fold, end.family, end.direction)
-            radius = nan
-            if after is not None:
-                radius = after.end_mass_radius * _tow_radius(end.family, end.fold.tau)
-            self._ends.append(_End(end, radius))
+            self._ends.append(_End(end, nan if after is None else after.end_mass_radius))
 
     def _corrected(self, known: _End, state: SteadyState) -> _End | None:
         """The same fold at the present parameters; None if it is not found near by."""
@@ -99,7 +94,12 @@ class JumpFinder:
         )
         if not good or tau * end.direction < 0.0:
             return None
-        return _End(replace(end, fold=Fold(tau, exp(u))), known.landing_radius)
+        end = replace(end, fold=Fold(tau, exp(u)))
+        if isnan(known.landing_radius):
+            return _End(end, nan)
+        there = beyond(p, end.fold, end.family, end.direction)
+        after = correct_state(there, known.landing_radius, _OTHER_BRANCH)
+        return None if after is None else _End(end, after.end_mass_radius)
 
     @staticmethod
     def _nearest(ends: list[_End]) -> Jump | None:
@@ -107,9 +107,14 @@ class JumpFinder:
             return None
         nearest = min(ends, key=lambda e: abs(e.end.fold.tau))
         tau = nearest.end.fold.tau
-        return Jump(exp(tau), expm1(tau), nearest.landing_radius)
+        tow_radius = exp(tau) if nearest.end.family is RADIUS_AT_SPEED else 1.0
+        return Jump(exp(tau), expm1(tau), nearest.landing_radius * tow_radius)
 
 
-def _tow_radius(family: Family, tau: float) -> float:
-    """Tow radius at tau over that at tau = 0."""
-    return exp(tau) if family is RADIUS_AT_SPEED else 1.0
+def _is_elsewhere(traced: SteadyState, state: SteadyState) -> bool:
+    """Whether a state is too far from the one traced for its folds to be corrected."""
+    return (
+        family_between(traced.parameters, state.parameters)[1] > _RETRACE
+        or abs(log(state.end_mass_radius / traced.end_mass_radius)) > _OTHER_BRANCH
+        or (state.slope > 0.0) != (traced.slope > 0.0)
+    )
