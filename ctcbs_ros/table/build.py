@@ -62,6 +62,9 @@ def build_table(configuration: Configuration, nodes: int = NODES, progress: bool
                 rows[jobs[job]] = job.result()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            # A worker may be compiling for ten seconds: the user has said stop.
+            for worker in multiprocessing.active_children():
+                worker.terminate()
             raise
     count = np.array([[len(node) for node in row] for row in rows])
     most = max(int(count.max()), 1)
