@@ -112,6 +112,18 @@ class EndMass:
     jump_in_radius: Jump | None
     method: str
 
+    def circle(self, count: int = 72) -> np.ndarray:
+        """Positions over one orbit, (count, 3) east, north, up [m], from now on along the motion."""
+        start = self.position[:2] - self.circle_center[:2]
+        # The motion is at a right angle to the radius, to its left if anticlockwise.
+        left = np.array([-start[1], start[0]])
+        if left @ (np.cos(self.yaw), np.sin(self.yaw)) < 0.0:
+            left = -left
+        angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)[:, None]
+        ring = np.tile(self.circle_center, (count, 1))
+        ring[:, :2] += np.cos(angle) * start + np.sin(angle) * left
+        return ring
+
     @property
     def jump_margin(self) -> float:
         """Signed change of angular rate to the nearest fold over the present rate; inf if none."""

@@ -71,6 +71,16 @@ class Predictor:
         """Origin of the local frame; None before the first believed geodetic position."""
         return self._frame.datum
 
+    def to_geodetic(self, positions: np.ndarray) -> np.ndarray:
+        """Latitude, longitude [deg] and altitude [m] of local positions, (n, 3); nan without datum.
+
+        The altitude is of the kind of the datum's (`Datum.ellipsoidal`).
+        """
+        datum = self.datum
+        if datum is None:
+            return np.full((len(positions), 3), nan)
+        return np.column_stack(to_geodetic(datum, *positions.T))
+
     def change(
         self,
         cable_length: float | None = None,
@@ -219,11 +229,12 @@ class Predictor:
         )
 
     def _geodetic(self, position: np.ndarray) -> Geodetic:
+        latitude, longitude, altitude = self.to_geodetic(position[None])[0]
         datum = self.datum
-        if datum is None:
-            return Geodetic(nan, nan, nan, False)
-        latitude, longitude, altitude = to_geodetic(datum, *position)
-        return Geodetic(float(latitude), float(longitude), float(altitude), datum.ellipsoidal)
+        return Geodetic(
+            float(latitude), float(longitude), float(altitude),
+            datum is not None and datum.ellipsoidal,
+        )
 
     def _lose_orbit(self) -> None:
         self._ground_speed.reset()
