@@ -113,7 +113,7 @@ class EndMass:
     method: str
 
     def circle(self, count: int = 72) -> np.ndarray:
-        """Positions over one orbit, (count, 3) east, north, up [m], from now on along the motion."""
+        """Positions over one orbit from now on, (count, 3) east, north, up [m]."""
         start = self.position[:2] - self.circle_center[:2]
         # The motion is at a right angle to the radius, to its left if anticlockwise.
         left = np.array([-start[1], start[0]])

@@ -72,7 +72,7 @@ class Predictor:
         return self._frame.datum
 
     def to_geodetic(self, positions: np.ndarray) -> np.ndarray:
-        """Latitude, longitude [deg] and altitude [m] of local positions, (n, 3); nan without datum.
+        """Latitude, longitude [deg], altitude [m] of local positions, (n, 3); nan without datum.
 
         The altitude is of the kind of the datum's (`Datum.ellipsoidal`).
         """
