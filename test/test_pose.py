@@ -1,0 +1,188 @@
+"""The end mass in the local frame: signs and senses, mirror images, covariance."""
+
+from dataclasses import replace
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+import pytest
+from folding_flight import AIR, RADIUS, UNIT_SPEED, folding_configuration
+from points import GRAVITY
+
+from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.prediction import pose
+from ctcbs_ros.scaling import flight_point
+from ctcbs_ros.solver.steady_state import correct_state, steady_states
+
+DRONE = load_configuration("small_drone")
+NO_COVARIANCE = np.zeros((6, 6))
+
+
+def orbit_of(sense=1, phase=0.3, radius=80.0, speed=20.0, covariance=NO_COVARIANCE):
+    return Orbit(
+        time=100.0, start_time=60.0, center=np.array([120.0, -45.0, 260.0]), radius=radius,
+        angular_rate=speed / radius, sense=sense, phase=phase, climb_rate=0.0, rms_residual=0.5,
+        arc=6.5, samples=200, covariance=covariance,
+    )  # fmt: skip
+
+
+def solved(orbit, configuration=DRONE, index=0):
+    point = flight_point(configuration, orbit.radius, orbit.speed, 1.225)
+    return point, steady_states(point.parameters).states[index]
+
+
+def tow_point(orbit):
+    return orbit.center + orbit.radius * np.array([cos(orbit.phase), sin(orbit.phase), 0.0])
+
+
+def wrapped(angle):
+    return (angle + pi) % (2.0 * pi) - pi
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_the_end_mass_trails_the_tow_point_in_the_sense_of_rotation(sense):
+    orbit = orbit_of(sense)
+    point, state = solved(orbit)
+    east, north, up = pose.end_mass_position(orbit, point, state) - orbit.center
+    behind = wrapped(orbit.phase - np.arctan2(north, east)) * sense
+    assert 0.0 < behind < pi
+    assert behind == pytest.approx(state.phase_lag)
+    assert np.hypot(east, north) == pytest.approx(state.end_mass_radius * 80.0)
+    assert up == pytest.approx(-state.depth * 80.0)
+    assert -150.0 < up < -90.0  # 150 m of line, hanging down
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("phase", np.linspace(-pi, pi, 9))
+def test_yaw_is_the_direction_in_which_the_position_moves(sense, phase):
+    orbit = orbit_of(sense, phase)
+    point, state = solved(orbit)
+    dt = 1e-4
+    before, after = (
+        pose.end_mass_position(
+            replace(orbit, phase=phase + sense * orbit.angular_rate * t), point, state
+        )
+        for t in (-dt, dt)
+    )
+    east, north, up = (after - before) / (2.0 * dt)
+    yaw = pose.motion_yaw(orbit, state)
+    assert -pi < yaw <= pi
+    assert wrapped(yaw - np.arctan2(north, east)) == pytest.approx(0.0, abs=1e-6)
+    assert np.hypot(east, north) == pytest.approx(
+        state.end_mass_radius * orbit.radius * orbit.angular_rate, rel=1e-6
+    )
+    assert up == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("phase", [-2.0, 0.0, 1.1, 3.0])
+def test_the_cable_leads_from_the_end_mass_to_the_tow_point(sense, phase):
+    orbit = orbit_of(sense, phase)
+    point, state = solved(orbit)
+    cable = pose.cable_points(orbit, point, state)
+    assert cable.shape == (pose.CABLE_POINTS, 3)
+    assert cable[0] == pytest.approx(pose.end_mass_position(orbit, point, state), abs=1e-9)
+    assert cable[-1] == pytest.approx(tow_point(orbit), abs=1e-5)
+    lengths = np.linalg.norm(np.diff(cable, axis=0), axis=1)
+    # 150 m of line stretched a little, measured along chords.
+    assert lengths.sum() == pytest.approx(150.0, rel=5e-3)
+    assert lengths.max() < 1.02 * lengths.min()
+
+
+def test_each_point_of_the_cable_leans_back_against_the_motion():
+    for sense in (1, -1):
+        orbit = orbit_of(sense)
+        point, state = solved(orbit)
+        offset = pose.cable_points(orbit, point, state) - orbit.center
+        azimuth = np.unwrap(np.arctan2(offset[:, 1], offset[:, 0]))
+        # From the end mass up to the tow point the azimuth advances in the sense of rotation.
+        assert sense * (azimuth[-1] - azimuth[0]) == pytest.approx(state.phase_lag, abs=1e-6)
+
+
+def test_mirrored_flights_have_mirrored_end_masses():
+    # Mirror about the east axis through the centre: north changes sign, and with it the sense.
+    random = np.random.default_rng(4)
+    root = random.normal(size=(6, 6)) * np.array([0.5, 0.5, 0.5, 0.5, 1e-3, 1e-2])[:, None]
+    mirror_orbit = np.diag([1.0, -1.0, 1.0, 1.0, 1.0, -1.0])
+    mirror_pose = np.diag([1.0, -1.0, 1.0, 1.0, 1.0, -1.0])
+    covariance = root @ root.T
+    one = orbit_of(1, 0.7, covariance=covariance)
+    other = orbit_of(-1, -0.7, covariance=mirror_orbit @ covariance @ mirror_orbit)
+    point, state = solved(one)
+    flip = np.array([1.0, -1.0, 1.0])
+
+    def relative(orbit, positions):
+        return positions - orbit.center
+
+    for of in (pose.end_mass_position, pose.cable_points):
+        there = relative(one, of(one, point, state)) * flip
+        assert np.allclose(relative(other, of(other, point, state)), there, rtol=0, atol=1e-12)
+    assert pose.motion_yaw(other, state) == pytest.approx(-pose.motion_yaw(one, state))
+    mirrored = mirror_pose @ pose.pose_covariance(one, point, state) @ mirror_pose
+    assert pose.pose_covariance(other, point, state) == pytest.approx(mirrored, abs=1e-12)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_covariance_is_that_of_solving_each_orbit_that_may_have_been_flown(sense):
+    random = np.random.default_rng(8)
+    deviations = np.array([0.4, 0.3, 0.5, 0.6, 0.001, 0.006])
+    mix = random.normal(size=(6, 6)) / 3.0 + np.eye(6)
+    covariance = deviations[:, None] * (mix @ mix.T) * deviations
+    orbit = orbit_of(sense, 0.9, covariance=covariance)
+    point, state = solved(orbit)
+    first_order = pose.pose_covariance(orbit, point, state)
+    n = 3000
+    samples = random.multivariate_normal(np.zeros(6), covariance, n)
+    poses = np.empty((n, 4))
+    yaw = pose.motion_yaw(orbit, state)
+    for row, (east, north, up, radius, rate, phase) in zip(poses, samples, strict=True):
+        drawn = replace(
+            orbit, center=orbit.center + np.array([east, north, up]),
+            radius=orbit.radius + radius, angular_rate=orbit.angular_rate + rate,
+            phase=orbit.phase + phase,
+        )  # fmt: skip
+        there = flight_point(DRONE, drawn.radius, drawn.speed, 1.225)
+        moved = correct_state(there.parameters, state.end_mass_radius)
+        row[:3] = pose.end_mass_position(drawn, there, moved)
+        row[3] = yaw + wrapped(pose.motion_yaw(drawn, moved) - yaw)
+    sampled = np.cov(poses.T)
+    known = first_order[np.ix_([0, 1, 2, 5], [0, 1, 2, 5])]
+    scale = np.sqrt(np.outer(np.diag(sampled), np.diag(sampled)))
+    # Three standard errors of a sampled variance are 3 sqrt(2/n) = 8 %.
+    assert np.abs(known - sampled).max() <= 0.08 * scale.max()
+    assert np.all(np.abs(known - sampled) <= 0.08 * scale)
+
+
+def test_unknown_attitude_has_a_large_variance_and_the_matrix_is_symmetric():
+    orbit = orbit_of(covariance=np.diag([0.1, 0.1, 0.2, 0.1, 1e-6, 1e-4]))
+    point, state = solved(orbit)
+    covariance = pose.pose_covariance(orbit, point, state)
+    assert np.array_equal(covariance, covariance.T)
+    assert covariance[3, 3] == covariance[4, 4] == pose.UNKNOWN_VARIANCE
+    assert np.linalg.eigvalsh(covariance).min() > 0.0
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan, 1e300])
+def test_an_orbit_of_unknown_covariance_gives_unknown_and_not_zero(value):
+    orbit = orbit_of(covariance=np.diag(np.full(6, value)))
+    point, state = solved(orbit)
+    covariance = pose.pose_covariance(orbit, point, state)
+    assert np.array_equal(covariance, np.diag(np.full(6, pose.UNKNOWN_VARIANCE)))
+
+
+def test_covariance_grows_towards_a_fold():
+    # The large branch of thesis Fig. 3.1, d_n 4.8, ends at omega 1.0982.
+    configuration = folding_configuration()
+    deviations = []
+    for omega in (1.0, 1.06, 1.09, 1.097, 1.0981):
+        orbit = orbit_of(
+            radius=RADIUS, speed=omega * UNIT_SPEED,
+            covariance=np.diag([0.0, 0.0, 0.0, 0.01, 1e-8, 0.0]),
+        )  # fmt: skip
+        assert orbit.speed / sqrt(GRAVITY * RADIUS) == pytest.approx(omega)
+        point = flight_point(configuration, orbit.radius, orbit.speed, AIR)
+        state = steady_states(point.parameters).states[2]
+        covariance = pose.pose_covariance(orbit, point, state)
+        deviations.append(sqrt(covariance[0, 0] + covariance[1, 1]))
+    assert np.all(np.diff(deviations) > 0.0)
+    assert deviations[-1] > 10.0 * deviations[0]
