@@ -114,8 +114,9 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
     else:
         jump.set_yticks([])
         jump.text(
-            0.5, 0.5, "no change of angular rate within reach makes the end mass jump", transform=jump.transAxes, ha="center", va="center"
-        )
+            0.5, 0.5, "no change of angular rate within reach makes the end mass jump",
+            transform=jump.transAxes, ha="center", va="center",
+        )  # fmt: skip
 
     _draw_warnings(strip, samples, codes)
     strip.set_xlabel("time from the first believed sample [s]")

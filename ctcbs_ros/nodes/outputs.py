@@ -97,7 +97,7 @@ class Outputs:
         return self._record.awaited
 
     def have_room(self) -> bool:
-        """Whether one more prediction can be published without giving up any that is not received."""
+        """Whether one more prediction would displace none that is not received yet."""
         return all(output.has_room() for output in self._of_samples)
 
     def are_received(self) -> bool:

@@ -31,27 +31,27 @@ def _run() -> int:
         import rclpy
     except ImportError:
         return _refuse(NO_ROS)
-    from rclpy.exceptions import NameValidationException
     from rclpy.executors import ExternalShutdownException
     from rclpy.utilities import remove_ros_args
 
     from ctcbs_ros.errors import InputError
     from ctcbs_ros.nodes.node import PredictorNode
 
-    argparse.ArgumentParser(
+    usage = argparse.ArgumentParser(
         "predictor",
         usage="%(prog)s --ros-args --params-file CONFIG.yaml [-p NAME:=VALUE ...]",
         description="ROS 2 node that predicts the end mass of a towed cable from telemetry.",
-    ).parse_args(remove_ros_args(sys.argv)[1:])
+    )
     try:
+        usage.parse_args(remove_ros_args(sys.argv)[1:])
         rclpy.init()
-    except RuntimeError as error:  # what rcl refuses: arguments, parameter files
-        return _refuse(str(error).replace("\n", " "))
+    except RuntimeError as error:  # what rcl refuses: names, parameter files
+        return _refuse(str(error).partition(", at /")[0])  # the rest is a place in its source
     node = None
     try:
         node = PredictorNode()
         rclpy.spin_until_future_complete(node, node.finished)
-    except (InputError, NameValidationException) as error:
+    except InputError as error:
         return _refuse(str(error))
     except (KeyboardInterrupt, ExternalShutdownException):
         pass

@@ -51,7 +51,7 @@ class TopicSamples:
             longitude=message.longitude,
             altitude_ellipsoid=message.altitude,
             velocity=self._velocity if with_velocity else None,
-            fix_type=NO_FIX if message.status.status < NavSatStatus.STATUS_FIX else FIX_3D,
+            fix_type=_fix_type(message.status.status),
             horizontal_accuracy=accuracy,
             speed_accuracy=self._speed_accuracy if with_velocity else nan,
         )
@@ -100,6 +100,12 @@ def velocity_enu(message: Odometry) -> Vector | None:
         2 * (x * y + w * z) * v.x + (1 - 2 * (x * x + z * z)) * v.y + 2 * (y * z - w * x) * v.z,
         2 * (x * z - w * y) * v.x + 2 * (y * z + w * x) * v.y + (1 - 2 * (x * x + y * y)) * v.z,
     )
+
+
+def _fix_type(status: int) -> int | None:
+    if status >= NavSatStatus.STATUS_FIX:
+        return FIX_3D
+    return NO_FIX if status == NavSatStatus.STATUS_NO_FIX else None  # None: it does not say
 
 
 def nanoseconds(stamp) -> int:

@@ -26,7 +26,7 @@ WARNINGS = {
     WarningCode.LOW_MARGIN: "disturbances decay slowly",
     WarningCode.TENSION_LIMIT: "the cable's tension is near its breaking tension",
     WarningCode.GROUND_PROXIMITY: "the end mass is near the ground",
-    WarningCode.WIND_UNMODELLED: "the ground speed shows wind, which the prediction leaves out",
+    WarningCode.WIND_UNMODELLED: "wind is seen, or not known yet; the prediction is for still air",
 }
 SENSES = {"cw": "clockwise", "ccw": "anticlockwise"}
 

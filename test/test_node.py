@@ -1,0 +1,343 @@
+"""The real node in its own process: start, end, parameters, logs, live links."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import yaml
+
+pytest.importorskip("rclpy", reason="needs ROS 2 (rclpy)")
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile
+from running_node import DISCOVERY, DRONE, RunningNode
+from sensor_msgs.msg import NavSatFix
+from std_msgs.msg import String
+from visualization_msgs.msg import Marker, MarkerArray
+
+from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.replay.core import replay_through_core
+from ctcbs_ros.replay.through_node import quoted
+from ctcbs_ros.table import table_for
+from ctcbs_ros.telemetry.source import open_log
+
+EXAMPLES = DRONE.parents[1] / "msg_examples"
+KEEP_ALL = QoSProfile(history=QoSHistoryPolicy.KEEP_ALL)
+LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def stamp_ns(message):
+    return message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+
+
+def position(message):
+    found = message.pose.pose.position
+    return found.x, found.y, found.z
+
+
+def values(status):
+    return {pair.key: pair.value for pair in status.values}
+
+
+@pytest.fixture(scope="module")
+def core_replay(drone_log, drone_table):
+    """Records and summary of the log through the core."""
+    configuration = load_configuration(DRONE)
+    predictor = Predictor(configuration, table_for(configuration, drone_table))
+    records = []
+    summary = replay_through_core(
+        open_log(drone_log), predictor, 0.0, lambda record, progress: records.append(record)
+    )
+    return records, summary
+
+
+# --- start and end ------------------------------------------------------------------------------
+
+
+def ended(node, timeout=30.0):
+    return node.process.wait(timeout)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"cable.length": -1.0}, "cable.length = -1.0: must be a number from 0.01"),
+        ({"cable.length": 150}, "write 150.0"),
+        ({"cable.lenght": 150.0}, "'cable.lenght': unknown parameter"),
+        ({"mavlink.url": "absent.tlog"}, "log absent.tlog: cannot be read"),
+        ({"mavlink.url": "udpin:127.0.0.1:0"}, "the port '0' is not a number from 1"),
+        ({"table.file": str(DRONE)}, "small_drone.yaml"),
+    ],
+)
+def test_what_cannot_work_is_refused_in_one_line_with_exit_2(tmp_path, parameters, reason):
+    with RunningNode(tmp_path, parameters) as node:
+        assert ended(node) == 2
+        (line,) = [
+            line for line in node.output.splitlines() if not line.startswith("[INFO]")
+        ]
+        assert line.startswith("predictor: ")
+        assert reason in line
+
+
+def test_missing_parameter_file_or_parameters_are_refused_with_exit_2(tmp_path):
+    with RunningNode(tmp_path, configuration=None) as node:
+        assert ended(node) == 2
+        assert "cable.length is missing" in node.output
+    with RunningNode(tmp_path, configuration=tmp_path / "absent.yaml") as node:
+        assert ended(node) == 2
+        assert "absent.yaml" in node.output.splitlines()[-1]
+        assert "Traceback" not in node.output
+
+
+def test_node_without_ros_names_the_way_to_get_it(tmp_path):
+    code = (
+        "import sys; sys.modules['rclpy'] = None; sys.argv = ['predictor']\n"
+        "from ctcbs_ros.nodes.predictor import main; sys.exit(main())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "ctcbs_ros[ros]" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "signals",
+    [(signal.SIGINT, signal.SIGINT), (signal.SIGTERM,), (signal.SIGTERM, signal.SIGINT)],
+    ids=["SIGINT twice", "SIGTERM", "both"],
+)
+def test_running_node_ends_with_zero(tmp_path, drone_table, signals):
+    with RunningNode(tmp_path, {"table.file": quoted(str(drone_table))}) as node:
+        node.wait_until_ready()
+        assert node.end(*signals) == 0, node.output
+        assert "Traceback" not in node.output
+
+
+def test_node_that_builds_its_table_ends_with_zero_at_sigterm(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with RunningNode(tmp_path) as node:
+        node.wait_until(lambda: "table" in node.output)
+        node.spin(1.0)
+        assert node.end(signal.SIGTERM) == 0, node.output
+        assert "Traceback" not in node.output
+
+
+# --- parameters while it runs -------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def idle_node(tmp_path_factory, drone_table):
+    """A node that waits for topics, in a namespace and by another name."""
+    folder = tmp_path_factory.mktemp("idle")
+    parameters = {"table.file": quoted(str(drone_table)), "diagnostics.period": 0.1}
+    names = ("-r", "__ns:=/tow", "-r", "__node:=mass")
+    with RunningNode(folder, parameters, arguments=names) as node:
+        node.wait_until_ready()
+        yield node
+
+
+def change(node, name, value):
+    parameter = Parameter(name=name, value=ParameterValue(type=3, double_value=value))
+    request = SetParameters.Request(parameters=[parameter])
+    (result,) = node.call(SetParameters, "/tow/mass/set_parameters", request).results
+    return result
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("cable.length", -1.0, "cable.length"),
+        ("cable.length", float("nan"), "cable.length out of range"),
+        # 400 N hold 40 kg, see config/small_drone.yaml
+        ("end_mass.mass", 60.0, "cable.breaking_tension = 400.0: must be greater than the weight"),
+        ("cable.diameter", 0.001, "read-only"),
+    ],
+)
+def test_change_that_is_not_allowed_is_rejected_with_the_reason(idle_node, name, value, reason):
+    result = change(idle_node, name, value)
+    assert not result.successful
+    assert reason in result.reason
+
+
+def test_allowed_change_is_taken_over(idle_node):
+    assert change(idle_node, "limits.minimum_height", 35.0).successful
+    request = GetParameters.Request(names=["limits.minimum_height"])
+    (value,) = idle_node.call(GetParameters, "/tow/mass/get_parameters", request).values
+    assert value.double_value == 35.0
+
+
+def test_without_telemetry_all_diagnostics_are_errors_by_the_names_of_the_node(idle_node):
+    arrays = idle_node.messages(DiagnosticArray, "/diagnostics")
+    idle_node.wait_until(lambda: arrays)
+    statuses = arrays[0].status
+    assert [s.name for s in statuses] == ["mass: telemetry", "mass: orbit", "mass: prediction"]
+    assert all(status.level == DiagnosticStatus.ERROR for status in statuses)
+    assert all(status.hardware_id for status in statuses)
+    assert "no sample yet" in statuses[0].message
+
+
+# --- a log --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def log_replay(tmp_path_factory, drone_log, drone_table):
+    """The node after the log, and what it published."""
+    folder = tmp_path_factory.mktemp("log_replay")
+    parameters = {
+        "mavlink.url": quoted(str(drone_log)),
+        "table.file": quoted(str(drone_table)),
+        "replay.wait_for_subscribers": 30.0,
+        "diagnostics.period": 0.1,
+    }
+    with RunningNode(folder, parameters) as node:
+        node.found = {
+            "markers": node.messages(MarkerArray, "/predictor/cable", 100),
+            "fixes": node.messages(NavSatFix, "/predictor/end_mass/fix", KEEP_ALL),
+            "diagnostics": node.messages(DiagnosticArray, "/diagnostics", 100),
+            "poses": node.messages(
+                PoseWithCovarianceStamped, "/predictor/end_mass/pose", KEEP_ALL
+            ),
+        }
+        node.wait_until(lambda: "end of the log" in node.output, 60.0)
+        node.spin(1.0)
+        yield node
+
+
+def test_every_pose_of_the_core_comes_through_the_node_equal(log_replay, core_replay):
+    expected = {
+        record["stamp_ns"]: [record[f"end_mass_{axis}_m"] for axis in ("east", "north", "up")]
+        for record in core_replay[0]
+        if record["valid"]
+    }
+    assert len(expected) > 150
+    found = {stamp_ns(message): position(message) for message in log_replay.found["poses"]}
+    assert len(log_replay.found["poses"]) == len(found)
+    assert found.keys() == expected.keys()
+    for stamp, enu in expected.items():
+        np.testing.assert_allclose(found[stamp], enu, rtol=0.0, atol=1e-6)
+
+
+def test_fixes_lie_where_the_poses_are(log_replay, core_replay):
+    expected = {r["stamp_ns"]: r for r in core_replay[0] if r["valid"]}
+    fixes = log_replay.found["fixes"]
+    assert len(fixes) == len(expected)
+    for message in fixes:
+        record = expected[stamp_ns(message)]
+        assert message.latitude == record["end_mass_latitude_deg"]
+        assert message.altitude == record["end_mass_altitude_m"]
+
+
+def test_summary_and_datum_reach_who_subscribes_after_the_end(log_replay, core_replay):
+    summaries = log_replay.messages(String, "/predictor/summary", LATCHED)
+    datums = log_replay.messages(NavSatFix, "/predictor/datum", LATCHED)
+    log_replay.wait_until(lambda: summaries and datums)
+    assert json.loads(summaries[0].data) == json.loads(json.dumps(core_replay[1]))
+    assert datums[0].latitude == pytest.approx(47.4, abs=0.01)
+
+
+def test_summary_example_is_that_of_the_log(core_replay):
+    example = yaml.safe_load((EXAMPLES / "summary.yaml").read_text())
+    shown, found = json.loads(example["data"]), core_replay[1]
+    assert list(shown) == list(found)
+    assert [list(orbit) for orbit in shown["orbits"]] == [list(o) for o in found["orbits"]]
+    assert shown["samples"] == found["samples"]
+    assert shown["link"] == found["link"]
+
+
+def test_markers_go_when_the_orbit_ends(log_replay):
+    actions = [[marker.action for marker in array.markers] for array in log_replay.found["markers"]]
+    assert Marker.ADD in actions[0]
+    assert set(actions[-1]) == {Marker.DELETE}
+
+
+def test_diagnostics_of_a_log_count_every_sample(log_replay, core_replay):
+    telemetry = log_replay.found["diagnostics"][-1].status[0]
+    assert values(telemetry)["samples"] == str(core_replay[1]["samples"])
+    assert values(telemetry)["altitude of ~/end_mass/fix and ~/datum is above"] in (
+        "ellipsoid", "mean sea level",
+    )  # fmt: skip
+
+
+def test_paced_log_answers_parameters_and_exits_at_its_end(tmp_path, drone_log, drone_table):
+    parameters = {
+        "mavlink.url": quoted(str(drone_log)),
+        "table.file": quoted(str(drone_table)),
+        "replay.rate": 20.0,
+        "replay.wait_for_subscribers": 0.0,
+        "replay.exit_at_end": "true",
+    }
+    with RunningNode(tmp_path, parameters) as node:
+        node.wait_until_ready()
+        begun = time.monotonic()
+        request = GetParameters.Request(names=["replay.rate"])
+        (value,) = node.call(GetParameters, "/predictor/get_parameters", request).values
+        assert value.double_value == 20.0
+        assert node.process.poll() is None, "the log was over before it could be asked"
+        assert ended(node) == 0, node.output
+        seconds = [sample.time for sample in open_log(drone_log)]
+        assert time.monotonic() - begun > 0.9 * (seconds[-1] - seconds[0]) / 20.0
+
+
+# --- a live link --------------------------------------------------------------------------------
+
+SENDER = """
+import socket, struct, sys, time
+to, log = ("127.0.0.1", int(sys.argv[1])), open(sys.argv[2], "rb").read()
+link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+from pymavlink import mavutil
+source = mavutil.mavlink_connection(sys.argv[2])
+while (message := source.recv_match()) is not None:
+    link.sendto(message.get_msgbuf(), to)
+    if message.get_type() == "GLOBAL_POSITION_INT":
+        time.sleep(0.01)
+"""
+
+
+def test_live_link_outlives_its_sender(tmp_path, drone_log, drone_table):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    parameters = {
+        "mavlink.url": f"udpin:127.0.0.1:{port}",
+        "table.file": quoted(str(drone_table)),
+        "limits.stale_after": 0.5,
+        "diagnostics.period": 0.1,
+    }
+    sender = [sys.executable, "-c", SENDER, str(port), str(drone_log)]
+    with RunningNode(tmp_path, parameters) as node:
+        poses = node.messages(PoseWithCovarianceStamped, "/predictor/end_mass/pose", 100)
+        markers = node.messages(MarkerArray, "/predictor/cable", 100)
+        arrays = node.messages(DiagnosticArray, "/diagnostics")
+        node.wait_until_ready()
+
+        def telemetry():
+            return arrays[-1].status[0] if arrays else None
+
+        first = subprocess.Popen(sender)
+        node.wait_until(lambda: len(poses) > 20, 30.0)
+        assert telemetry().level != DiagnosticStatus.ERROR
+        first.kill()  # in mid-flight
+        first.wait()
+        node.wait_until(
+            lambda: "STALE_TELEMETRY" in telemetry().message
+            and telemetry().level == DiagnosticStatus.ERROR
+        )
+        node.wait_until(
+            lambda: {marker.action for marker in markers[-1].markers} == {Marker.DELETE}, DISCOVERY
+        )
+        before = len(poses)
+        second = subprocess.Popen(sender)
+        try:
+            node.wait_until(lambda: len(poses) > before + 20, 30.0)
+        finally:
+            second.kill()
+            second.wait()
+        assert node.end() == 0, node.output
