@@ -58,7 +58,7 @@ class JumpFinder:
         if not may_end:
             self.reset()
             return {"angular_rate": None, "radius": None}
-        if self._traced_at is None or _is_elsewhere(self._traced_at, state):
+        if self._traced_at is None or is_elsewhere(self._traced_at, state):
             self._retrace(state)
         ends = []
         for end in self._ends:
@@ -111,8 +111,8 @@ class JumpFinder:
         return Jump(exp(tau), expm1(tau), nearest.landing_radius * tow_radius)
 
 
-def _is_elsewhere(traced: SteadyState, state: SteadyState) -> bool:
-    """Whether a state is too far from the one traced for its folds to be corrected."""
+def is_elsewhere(traced: SteadyState, state: SteadyState) -> bool:
+    """Whether a state is too far from one traced before for its folds to be corrected."""
     return (
         family_between(traced.parameters, state.parameters)[1] > _RETRACE
         or abs(log(state.end_mass_radius / traced.end_mass_radius)) > _OTHER_BRANCH
