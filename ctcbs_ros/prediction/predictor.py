@@ -19,7 +19,9 @@ from ctcbs_ros.prediction import pose
 from ctcbs_ros.prediction.branch import BranchTracker, Tracked
 from ctcbs_ros.prediction.codes import SkipCode, Warning
 from ctcbs_ros.prediction.jumps import JumpFinder
+from ctcbs_ros.prediction.margin import MarginFollower
 from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Geodetic, Jump, Prediction
+from ctcbs_ros.prediction.straight_flight import StraightFlight
 from ctcbs_ros.prediction.warnings import (
     end_mass_warnings,
     envelope_warnings,
@@ -39,6 +41,8 @@ from ctcbs_ros.telemetry.screen import Screen
 
 # A disturbance has settled when it has decayed to 5 %.
 _SETTLED = log(20.0)
+# Without telemetry for longer [s], nothing is known of what was flown meanwhile.
+_LONGEST_GAP = 30.0
 
 
 class Predictor:
@@ -63,6 +67,9 @@ class Predictor:
         self._ground_speed = GroundSpeedVariation()
         self._tracker = BranchTracker()
         self._jumps = JumpFinder()
+        self._margin = MarginFollower()
+        self._straight = StraightFlight()
+        self._sense = 0
         self._flight: int | None = None
         self._last_time = nan
 
@@ -117,7 +124,9 @@ class Predictor:
         if sample.flight != self._flight:
             self._flight = sample.flight
             self._last_time = nan
+            self._frame.new_flight()
             self._lose_orbit()
+            self._forget_history()
             self._estimator.reset()
         local = self._frame.localize(sample)
         if local is None:
@@ -127,6 +136,8 @@ class Predictor:
         self._last_time = sample.time
         if isfinite(gap) and (stale := self.stale(gap)):
             warnings.append(stale)
+        if gap > _LONGEST_GAP:
+            self._forget_history()
         fix = self._estimator.add(
             sample.time,
             local.position,
@@ -136,8 +147,14 @@ class Predictor:
         )
         if fix.orbit is None:
             self._lose_orbit()
+            if self._straight.add(local.position, self._cable_length):
+                self._forget_history()
             warnings.append(not_orbiting(fix.reason))
             return self._prediction(sample, None, local, None, nan, warnings)
+        self._straight.reset()
+        if fix.orbit.sense == -self._sense:
+            self._forget_history()
+        self._sense = fix.orbit.sense
         self._ground_speed.add(sample.time, sample.velocity)
         return self._predict(sample, local, fix.orbit, warnings)
 
@@ -172,15 +189,19 @@ class Predictor:
         )
 
     def _predict(self, sample, local: LocalSample, orbit: Orbit, warnings) -> Prediction:
-        density = self._configuration.air.density_at(local.altitude_amsl)
-        if not isfinite(density):
-            density = self._configuration.air.density_at(0.0)
+        density = self._air_density(local)
         warnings += envelope_warnings(orbit, self._configuration.envelope)
         warnings += wind_warnings(self._ground_speed.variation(orbit))
         try:
             point = self._point(orbit.radius, orbit.speed, density)
         except InputError as error:
-            warnings += tracking_warnings(Tracked(None, "", (), "", 0, str(error)))
+            reason = str(error)
+            if not isfinite(density):
+                reason = (
+                    f"no air density: {local.altitude_amsl:.0f} m above sea level is outside "
+                    "the standard atmosphere, -5 to 20 km"
+                )
+            warnings += tracking_warnings(Tracked(None, "", (), "", 0, reason))
             return self._prediction(sample, orbit, local, None, density, warnings)
         guesses = self._table.guesses(point) if self._table is not None else None
         tracked = self._tracker.update(point.parameters, guesses)
@@ -188,7 +209,11 @@ class Predictor:
         if tracked.state is None:
             self._jumps.reset()
             return self._prediction(sample, orbit, local, None, density, warnings)
-        end_mass = self._end_mass_of(orbit, local, point, tracked)
+        try:
+            end_mass = self._end_mass_of(orbit, local, point, tracked)
+        except ArithmeticError as error:
+            warnings += tracking_warnings(replace(tracked, state=None, reason=str(error)))
+            return self._prediction(sample, orbit, local, None, density, warnings)
         if end_mass is not None:
             warnings += end_mass_warnings(end_mass, self._configuration.cable, self._limits)
         return self._prediction(sample, orbit, local, end_mass, density, warnings)
@@ -201,7 +226,7 @@ class Predictor:
             self._jumps.reset()
         may_end = self._table is None or self._table.may_end(point)
         jumps = self._jumps.update(state, may_end)
-        damping = stability(state)
+        damping = self._margin.update(state)
         si = _in_si(point, state, damping)
         position = pose.end_mass_position(orbit, point, state)
         if not np.all(np.isfinite(position)):
@@ -236,8 +261,24 @@ class Predictor:
             datum is not None and datum.ellipsoidal,
         )
 
+    def _air_density(self, local: LocalSample) -> float:
+        altitude = local.altitude_amsl
+        if not isfinite(altitude):
+            # A local frame alone: its origin is taken for the ground, or else for sea level.
+            ground = self._limits.ground_level_amsl
+            altitude = local.position[2] + (ground if isfinite(ground) else 0.0)
+        return self._configuration.air.density_at(altitude)
+
     def _lose_orbit(self) -> None:
         self._ground_speed.reset()
+
+    def _forget_history(self) -> None:
+        """Begin a new history: nothing is left of how the end mass moved before."""
+        self._tracker.reset()
+        self._jumps.reset()
+        self._margin.reset()
+        self._straight.reset()
+        self._sense = 0
 
     def _skipped(self, sample: Sample, skip: SkipCode) -> Prediction:
         return Prediction(

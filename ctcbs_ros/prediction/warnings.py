@@ -1,6 +1,6 @@
 """When each warning is due, and what it says: one line an engineer can act on."""
 
-from math import isfinite
+from math import inf, isfinite, nan
 
 from ctcbs_ros.configuration import Cable, Envelope, WarningLimits
 from ctcbs_ros.orbit.orbit import Orbit
@@ -132,15 +132,19 @@ def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) ->
                 f"(limit {limits.low_margin_per_s:g} 1/s); nearest loss: {end_mass.nearest_loss}",
             )
         )
-    jump = end_mass.jump_in_speed
-    if jump is not None and abs(jump.relative) < limits.near_jump:
-        found.append(
-            _warn(
-                WarningCode.NEAR_JUMP,
-                f"jump at {jump.at:.1f} m/s ({jump.relative:+.1%}) to a radius of "
-                f"{jump.landing_radius:.0f} m",
-            )
+    # Both are ways of changing the angular rate: by speed at this radius, by radius at this speed.
+    jumps = [
+        (abs(jump.relative), text.format(jump.at, jump.relative), jump.landing_radius)
+        for jump, text in (
+            (end_mass.jump_in_speed, "a speed of {:.1f} m/s ({:+.1%})"),
+            (end_mass.jump_in_radius, "a tow radius of {:.1f} m ({:+.1%})"),
         )
+        if jump is not None
+    ]
+    distance, where, landing = min(jumps, default=(inf, "", nan))
+    if distance < limits.near_jump:
+        onto = f"to a radius of {landing:.0f} m" if isfinite(landing) else "to no stable state"
+        found.append(_warn(WarningCode.NEAR_JUMP, f"jump at {where} {onto}"))
     tension = max(state.tension_tow_point, state.tension_end_mass)
     limit = limits.tension_fraction * cable.breaking_tension
     if tension > limit:
