@@ -38,7 +38,12 @@ class LocalFrame:
     def __init__(self):
         self._origin: Datum | None = None
         self._geoid_height = nan
+        self.new_flight()
+
+    def new_flight(self) -> None:
+        """Forget where home and sea level are: another flight may know neither."""
         self._home_up = nan
+        self._sea_level_up = nan
 
     @property
     def datum(self) -> Datum | None:
@@ -50,20 +55,24 @@ class LocalFrame:
         return Datum(origin.latitude, origin.longitude, altitude, True)
 
     def up_of_amsl(self, altitude_amsl: float) -> float:
-        """Up coordinate of a height above mean sea level [m]; nan where it cannot be told."""
-        if self._origin is None:
-            return nan
-        if not self._origin.ellipsoidal:
-            return altitude_amsl - self._origin.altitude
-        return altitude_amsl + self._geoid_height - self._origin.altitude
+        """Up coordinate of a height above mean sea level [m]; nan where it cannot be told.
+
+        Right at the newest sample: the frame's plane leaves the curved Earth, by 8 m in 10 km.
+        """
+        return altitude_amsl + self._sea_level_up
 
     def localize(self, sample: Sample) -> LocalSample | None:
-        """Local coordinates of a believed sample; None if it carries no usable height."""
+        """Local coordinates of a believed sample.
+
+        None if it carries no usable height, or comes from another local frame than this one.
+        """
         geoid_height = sample.altitude_ellipsoid - sample.altitude_amsl
         if isfinite(geoid_height):
             self._geoid_height = geoid_height
         if isfinite(sample.latitude):
             position = self._from_geodetic(sample)
+        elif self._origin is not None:
+            return None
         else:
             position = np.array(sample.local_position, float)
             # A local frame's own origin is the nearest thing to home that it knows.
@@ -75,7 +84,9 @@ class LocalFrame:
         amsl = sample.altitude_amsl
         if not isfinite(amsl):
             amsl = sample.altitude_ellipsoid - self._geoid_height
-        if not isfinite(amsl):
+        if isfinite(amsl):
+            self._sea_level_up = position[2] - amsl
+        else:
             amsl = sample.altitude_ellipsoid
         return LocalSample(position, amsl, self._home_up)
 
