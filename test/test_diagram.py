@@ -1,0 +1,160 @@
+"""Bifurcation diagrams against brute force: states counted, growth rates bisected, minimised."""
+
+import csv
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize_scalar
+
+from ctcbs_ros.errors import InputError
+from ctcbs_ros.solver.diagram import VARIED, diagram, first_minimum
+from ctcbs_ros.solver.parameters import Parameters
+from ctcbs_ros.solver.stability import stability
+from ctcbs_ros.solver.steady_state import steady_states
+
+# Fig. 3.1 and Fig. 4.1 of the thesis.
+FIG_31 = Parameters(omega=1.0, length=3.0, end_mass=50.0, cable_drag=4.8, drag_ratio=1.0)
+FIG_41 = Parameters(omega=1.0, length=3.0, end_mass=3.5, cable_drag=1.33, drag_ratio=0.1)
+OMEGA = VARIED["omega"]
+
+
+def count(parameters, omega):
+    return len(steady_states(replace(parameters, omega=omega)).states)
+
+
+def where_count_changes(parameters, low, high):
+    """omega at which the number of states changes, by bisection."""
+    first = count(parameters, low)
+    while high - low > 1e-11:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if count(parameters, middle) == first else (low, middle)
+    return 0.5 * (low + high)
+
+
+def test_folds_are_where_the_number_of_states_changes():
+    branches = diagram(FIG_31, OMEGA, 1.0, 0.05, 3.0, with_stability=False)
+    folds = sorted(event.omega for branch in branches for event in branch.folds)
+    assert len(branches) == 1
+    assert branches[0].connected_to_zero
+    expected = [where_count_changes(FIG_31, 0.85, 1.0), where_count_changes(FIG_31, 1.0, 1.2)]
+    np.testing.assert_allclose(folds, expected, rtol=0, atol=2e-9)
+
+
+def test_isolated_branch_is_found_and_told_from_the_connected_one():
+    parameters = replace(FIG_31, cable_drag=2.7)
+    branches = diagram(parameters, OMEGA, 1.0, 0.05, 3.0, with_stability=False)
+    assert [branch.connected_to_zero for branch in branches] == [True, False]
+    (fold,) = branches[1].folds
+    expected = where_count_changes(parameters, 0.7, 1.2)
+    assert fold.omega == pytest.approx(expected, abs=2e-9)
+
+
+@pytest.mark.parametrize("elasticity", [float("inf"), 600.0])
+def test_every_branch_passes_through_every_state(elasticity):
+    parameters = replace(FIG_31, elasticity=elasticity)
+    branches = diagram(parameters, OMEGA, 1.0, 0.05, 3.0, with_stability=False)
+    for omega in np.random.default_rng(1).uniform(0.06, 2.9, 20):
+        crossings = sum(
+            (a.omega - omega) * (b.omega - omega) < 0.0
+            for branch in branches
+            for a, b in zip(branch.points[:-1], branch.points[1:], strict=True)
+        )
+        assert crossings == count(parameters, omega)
+
+
+def test_hopf_points_are_the_edges_of_both_flutter_windows():
+    (branch,) = diagram(FIG_41, OMEGA, 1.0, 0.05, 4.0)
+
+    def growth(omega):
+        (state,) = steady_states(replace(FIG_41, omega=omega)).states
+        return stability(state, functions=(27,)).growth_rate
+
+    brackets = ((1.8, 2.0), (2.0, 2.2), (2.7, 3.0))
+    edges = [brentq(growth, *bracket, xtol=1e-8) for bracket in brackets]
+    # The number of functions may differ: the growth rate is converged to 1 % of itself or 1e-5.
+    np.testing.assert_allclose([e.omega for e in branch.hopf], edges, atol=3e-3)
+    # Thesis, Fig. 4.1: 1.8 to 2.2 and from 2.8 on.
+    np.testing.assert_allclose(edges, [1.8, 2.2, 2.8], atol=0.25)
+    assert all(0.6 < e.frequency < 0.8 for e in branch.hopf)
+
+
+def test_first_minimum_of_the_radius_is_the_least_of_its_neighbourhood():
+    branches = diagram(FIG_41, OMEGA, 1.0, 0.05, 4.0, with_stability=False)
+
+    def radius(omega):
+        (state,) = steady_states(replace(FIG_41, omega=omega)).states
+        return state.end_mass_radius
+
+    best = minimize_scalar(radius, bounds=(1.9, 2.7), method="bounded", options={"xatol": 1e-9})
+    minimum = first_minimum(branches)
+    assert minimum.end_mass_radius == pytest.approx(best.fun, rel=1e-12)
+    assert minimum.omega == pytest.approx(best.x, abs=1e-6)
+
+
+@pytest.mark.parametrize("vary", ["length", "end_mass", "cable_drag", "drag_ratio"])
+def test_points_of_any_varied_parameter_are_steady_states(vary):
+    value = getattr(FIG_31, vary)
+    branches = diagram(FIG_31, VARIED[vary], value, 0.6 * value, 1.6 * value, with_stability=False)
+    for branch in branches:
+        for point in branch.points[:: max(len(branch.points) // 6, 1)]:
+            changed = {vary: point.value}
+            if vary == "end_mass":
+                changed["end_weight"] = point.value
+            states = steady_states(replace(FIG_31, **changed)).states
+            radii = np.array([s.end_mass_radius for s in states])
+            assert np.abs(radii / point.end_mass_radius - 1.0).min() < 1e-6
+
+
+def test_empty_range_is_refused():
+    with pytest.raises(InputError, match="0 < from < to"):
+        diagram(FIG_31, OMEGA, 1.0, 3.0, 2.0)
+
+
+def ctcbs(*arguments):
+    return subprocess.run(
+        [sys.executable, "-m", "ctcbs_ros", "branch", *arguments],
+        capture_output=True, text=True, timeout=120,
+    )
+
+
+def test_branch_command_gives_json_csv_and_a_picture(tmp_path):
+    done = ctcbs(
+        "--vary", "radius", "--from", "100", "--to", "250", "--speed", "50",
+        "--config", "design_example", "--json",
+        "--csv", str(tmp_path / "b.csv"), "--plot", str(tmp_path / "b.png"),
+    )
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    (branch,) = result["branches"]
+    assert branch["connected_to_zero"] is True
+    assert branch["points"][0]["radius_m"] == pytest.approx(100.0)
+    # Thesis, Chapter 5: all stable, x_d near 0.08 at a = 250 m with Table 5.1's end mass.
+    assert all(point["stable"] for point in branch["points"])
+    assert branch["points"][-1]["end_mass_radius"] == pytest.approx(0.08, abs=0.001)
+    assert result["folds"] == result["hopf"] == []
+    rows = list(csv.DictReader((tmp_path / "b.csv").open()))
+    assert len(rows) == len(branch["points"])
+    assert (tmp_path / "b.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--vary", "omega", "--from", "1", "--to", "2"], "missing: --length"),
+        (["--vary", "speed", "--from", "1", "--to", "2"], "needs --config"),
+        (
+            ["--vary", "omega", "--from", "2", "--to", "1", "--length", "3", "--end-mass", "50",
+             "--cable-drag", "5", "--drag-ratio", "1"],
+            "0 < from < to",
+        ),
+    ],
+)
+def test_branch_command_refuses_bad_input_in_one_line(arguments, said):
+    done = ctcbs(*arguments)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
