@@ -14,7 +14,9 @@ UNIT_SPEED = sqrt(RADIUS * GRAVITY)  # omega = 1
 AIR = 1.2
 
 
-def folding_mapping(d_n=4.8, radius=(90.0, 110.0), speed=(26.0, 40.0), youngs_modulus=inf):
+def folding_mapping(
+    d_n=4.8, radius=(90.0, 110.0), speed=(26.0, 40.0), youngs_modulus=inf, m=50.0, f=1.0
+):
     """Parameters as of a file, from the definitions of the thesis alone."""
     diameter, density = 0.001, 8000.0
     mu = density * pi / 4.0 * diameter**2
@@ -28,8 +30,8 @@ def folding_mapping(d_n=4.8, radius=(90.0, 110.0), speed=(26.0, 40.0), youngs_mo
             "drag_coefficient": drag_coefficient,
         },
         "end_mass": {
-            "mass": 50.0 * mu * RADIUS,
-            "frontal_area": diameter * drag_coefficient * RADIUS,
+            "mass": m * mu * RADIUS,
+            "frontal_area": f * diameter * drag_coefficient * RADIUS,
             "drag_coefficient": 1.0,
         },
         "air": {"density": AIR},
