@@ -43,6 +43,8 @@ from ctcbs_ros.telemetry.screen import Screen
 _SETTLED = log(20.0)
 # Without telemetry for longer [s], nothing is known of what was flown meanwhile.
 _LONGEST_GAP = 30.0
+# Worse than this [m], [m/s] nothing is measured, and squares of it stay finite.
+_POOREST_ACCURACY = 1e3
 
 
 class Predictor:
@@ -67,7 +69,7 @@ class Predictor:
         self._ground_speed = GroundSpeedVariation()
         self._tracker = BranchTracker()
         self._jumps = JumpFinder()
-        self._margin = MarginFollower()
+        self._margins: list[MarginFollower] = []
         self._straight = StraightFlight()
         self._sense = 0
         self._flight: int | None = None
@@ -142,8 +144,8 @@ class Predictor:
             sample.time,
             local.position,
             None if sample.velocity is None else np.array(sample.velocity),
-            sample.horizontal_accuracy,
-            sample.speed_accuracy,
+            _stated(sample.horizontal_accuracy),
+            _stated(sample.speed_accuracy),
         )
         if fix.orbit is None:
             self._lose_orbit()
@@ -226,7 +228,10 @@ class Predictor:
             self._jumps.reset()
         may_end = self._table is None or self._table.may_end(point)
         jumps = self._jumps.update(state, may_end)
-        damping = self._margin.update(state)
+        states = (state, *tracked.others)
+        while len(self._margins) < len(states):
+            self._margins.append(MarginFollower())
+        damping, *of_others = (m.update(s) for m, s in zip(self._margins, states, strict=False))
         si = _in_si(point, state, damping)
         position = pose.end_mass_position(orbit, point, state)
         if not np.all(np.isfinite(position)):
@@ -246,7 +251,9 @@ class Predictor:
             cable=pose.cable_points(orbit, point, state),
             settling_time=_SETTLED / si.margin_per_s if si.margin_per_s > 0.0 else inf,
             nearest_loss=damping.nearest_loss,
-            others=tuple(_in_si(point, s, stability(s)) for s in tracked.others),
+            others=tuple(
+                _in_si(point, s, d) for s, d in zip(tracked.others, of_others, strict=True)
+            ),
             jump_in_angular_rate=_scaled(jumps["angular_rate"], point.angular_rate, point.radius),
             jump_in_speed=_scaled(jumps["angular_rate"], point.speed, point.radius),
             jump_in_radius=_scaled(jumps["radius"], point.radius, point.radius),
@@ -276,7 +283,7 @@ class Predictor:
         """Begin a new history: nothing is left of how the end mass moved before."""
         self._tracker.reset()
         self._jumps.reset()
-        self._margin.reset()
+        self._margins.clear()
         self._straight.reset()
         self._sense = 0
 
@@ -291,6 +298,11 @@ class Predictor:
             sample.time, sample.stamp_ns, sample.flight, None, orbit, local.position, end_mass,
             density, tuple(warnings),
         )
+
+
+def _stated(accuracy: float) -> float:
+    """An accuracy, no poorer than still counts in a fit; nan (not known) where it is none."""
+    return min(accuracy, _POOREST_ACCURACY) if accuracy > 0.0 else nan
 
 
 def _in_si(point: FlightPoint, state: SteadyState, damping: Stability) -> EndMassState:
