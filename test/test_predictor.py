@@ -269,7 +269,7 @@ def folding_flights(*flights, pause=1.0):
 
 
 def circle(radius=100.0, turns=2.0, **others):
-    return orbiting(radius, UNIT_SPEED, turns, height=600.0, **others)
+    return orbiting(radius, UNIT_SPEED, turns, height=600.0, rate=3.0, **others)
 
 
 def test_entered_from_straight_flight_it_is_on_the_large_branch_and_told_of_the_others():
@@ -296,7 +296,9 @@ def test_tightening_past_the_end_of_the_branch_it_jumps_once():
 
 def small_branch(**others):
     """Onto the small branch at 100 m: by widening the circle from 94 m, where it is alone."""
-    return orbiting(94.0, UNIT_SPEED, 3.5, height=600.0, radius_change=(100.0, 1.2), **others)
+    return orbiting(
+        94.0, UNIT_SPEED, 3.5, height=600.0, rate=3.0, radius_change=(100.0, 1.2), **others
+    )
 
 
 def test_widening_from_the_small_branch_it_stays_there():

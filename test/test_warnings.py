@@ -1,0 +1,209 @@
+"""Each warning is raised when it is due, and only then."""
+
+from dataclasses import replace
+from math import inf, nan
+
+import pytest
+from folding_flight import UNIT_SPEED, folding_configuration
+from sample_flights import orbiting, samples_of
+
+from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.prediction.branch import Tracked
+from ctcbs_ros.prediction.codes import Level, SkipCode, WarningCode
+from ctcbs_ros.prediction.prediction import Jump
+from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.prediction.warnings import (
+    end_mass_warnings,
+    skip_warnings,
+    tracking_warnings,
+    wind_warnings,
+)
+
+DRONE = load_configuration("small_drone")
+FLIGHT = orbiting()
+ERRORS = {
+    WarningCode.STALE_TELEMETRY, WarningCode.NO_SOLUTION, WarningCode.JUMPED,
+    WarningCode.UNSTABLE, WarningCode.TENSION_LIMIT, WarningCode.GROUND_PROXIMITY,
+}  # fmt: skip
+
+
+def predict(samples, configuration=DRONE):
+    predictor = Predictor(configuration)
+    return [predictor.update(sample) for sample in samples]
+
+
+def codes(*predictions):
+    return {w.code for p in predictions for w in p.warnings}
+
+
+@pytest.fixture(scope="module")
+def calm():
+    return predict(samples_of(FLIGHT))
+
+
+@pytest.fixture(scope="module")
+def end_mass(calm):
+    return [p for p in calm if p.valid][-1].end_mass
+
+
+def limited(**limits):
+    return replace(DRONE.limits, **limits)
+
+
+def of_end_mass(end_mass, limits=DRONE.limits, cable=DRONE.cable, **changed):
+    """Codes of the warnings about an end mass with some figures changed."""
+    state = {k: changed.pop(k) for k in list(changed) if k in vars(end_mass.state)}
+    changed = replace(end_mass, state=replace(end_mass.state, **state), **changed)
+    return {w.code for w in end_mass_warnings(changed, cable, limits)}
+
+
+def test_a_calm_flight_ends_its_orbit_without_a_warning(calm):
+    flown = [p for p in calm if p.valid]
+    assert codes(flown[-30]) == set()
+    assert codes(*calm) == {WarningCode.NOT_ORBITING, WarningCode.WIND_UNMODELLED}
+
+
+def test_each_warning_has_its_level_and_one_line():
+    flights = [
+        predict(samples_of(FLIGHT), replace(DRONE, limits=limited(low_margin_per_s=9.0))),
+        predict(samples_of(orbiting(height=100.0))),
+        predict(samples_of(orbiting(100.0, UNIT_SPEED, 3.0, height=600.0, rate=3.0,
+                                    radius_change=(94.0, 1.5))), folding_configuration()),
+    ]  # fmt: skip
+    seen = [w for flight in flights for p in flight for w in p.warnings]
+    assert len({w.code for w in seen}) >= 7
+    for warning in seen:
+        assert warning.level is (Level.ERROR if warning.code in ERRORS else Level.WARN)
+        assert warning.text
+        assert "\n" not in warning.text
+
+
+def test_not_orbiting_is_said_exactly_where_there_is_no_orbit(calm):
+    for prediction in calm:
+        assert (WarningCode.NOT_ORBITING in codes(prediction)) == (prediction.orbit is None)
+
+
+def test_stale_telemetry_is_said_once_after_a_gap():
+    samples = [s for s in samples_of(FLIGHT) if not 30.0 <= s.time < 33.0]
+    stale = [p.time for p in predict(samples) if WarningCode.STALE_TELEMETRY in codes(p)]
+    assert stale == [33.0]
+
+
+def test_bad_fix_is_said_of_what_a_sample_says_and_not_of_when_it_came():
+    samples = samples_of(FLIGHT)
+    samples[100] = replace(samples[100], fix_type=1)
+    samples[110] = replace(samples[110], latitude=nan)
+    samples[120] = replace(samples[120], latitude=samples[120].latitude + 0.1)
+    samples[130] = samples[129]
+    predictions = predict(samples)
+    bad = [i for i, p in enumerate(predictions) if WarningCode.BAD_FIX in codes(p)]
+    assert bad == [100, 110, 120]
+    assert predictions[130].skip is SkipCode.DUPLICATE
+    assert {skip for skip in SkipCode if not skip_warnings(skip)} == {
+        SkipCode.DUPLICATE, SkipCode.OUT_OF_ORDER,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("radius", "speed", "words"),
+    [(125.0, 20.0, "tow radius 12"), (80.0, 29.0, "speed 2"), (80.0, 20.0, None)],
+)
+def test_outside_the_envelope_is_said_of_radius_and_of_speed(radius, speed, words):
+    flight = orbiting(radius, speed, turns=1.2)
+    predictions = predict(samples_of(flight))
+    told = [
+        w.text for p in predictions for w in p.warnings
+        if w.code is WarningCode.OUTSIDE_ENVELOPE
+    ]  # fmt: skip
+    assert bool(told) == (words is not None)
+    assert all(words in text for text in told)
+
+
+def test_no_solution_says_why():
+    (warning,) = tracking_warnings(Tracked(None, "", (), "full solve", 0, "the cable is slack"))
+    assert (warning.code, warning.text) == (WarningCode.NO_SOLUTION, "the cable is slack")
+
+
+def test_near_jump_watches_speed_and_radius_whichever_is_nearer(end_mass):
+    limits = limited(near_jump=0.1)
+
+    def of(speed=None, radius=None):
+        jumps = {
+            "jump_in_speed": speed and Jump(20.0 * (1.0 + speed), speed, 30.0),
+            "jump_in_radius": radius and Jump(80.0 * (1.0 + radius), radius, 30.0),
+        }
+        return end_mass_warnings(replace(end_mass, **jumps), DRONE.cable, limits)
+
+    assert of() == of(speed=0.11, radius=-0.12) == []
+    (warning,) = of(speed=-0.09, radius=0.12)
+    assert warning.code is WarningCode.NEAR_JUMP
+    assert "speed of 18.2 m/s (-9.0%)" in warning.text
+    (warning,) = of(speed=-0.09, radius=0.05)
+    assert "tow radius of 84.0 m (+5.0%)" in warning.text
+    lost = replace(end_mass, jump_in_speed=Jump(21.0, 0.05, nan))
+    (warning,) = end_mass_warnings(lost, DRONE.cable, limits)
+    assert "no stable state" in warning.text
+
+
+def test_unstable_takes_the_place_of_low_margin(end_mass):
+    assert of_end_mass(end_mass, limited(low_margin_per_s=0.05), margin_per_s=0.051) == set()
+    low = of_end_mass(end_mass, limited(low_margin_per_s=0.05), margin_per_s=0.049)
+    assert low == {WarningCode.LOW_MARGIN}
+    unstable = of_end_mass(end_mass, margin_per_s=-0.01, stable=False)
+    assert unstable == {WarningCode.UNSTABLE}
+
+
+def test_flutter_is_called_unstable():
+    # Thesis Fig. 4.1 (m 3.5, l 3, f 0.1, d_n 1.33): unstable for 1.8 < omega < 2.2, stable below.
+    configuration = folding_configuration(d_n=1.33, m=3.5, f=0.1, speed=(26.0, 80.0))
+    for omega, unstable in ((1.4, False), (2.0, True)):
+        flight = orbiting(100.0, omega * UNIT_SPEED, 1.3, height=900.0)
+        flown = [p for p in predict(samples_of(flight), configuration) if p.valid]
+        assert (WarningCode.UNSTABLE in codes(flown[-10])) is unstable
+        assert flown[-10].end_mass.state.stable is not unstable
+        assert (flown[-10].end_mass.settling_time == inf) is unstable
+
+
+def test_tension_is_judged_at_both_ends_against_the_fraction_of_the_breaking_tension(end_mass):
+    cable = replace(DRONE.cable, breaking_tension=100.0)
+    limits = limited(tension_fraction=0.5)
+    for end in ("tension_tow_point", "tension_end_mass"):
+        assert of_end_mass(end_mass, limits, cable, **{end: 49.9}) == set()
+        assert of_end_mass(end_mass, limits, cable, **{end: 50.1}) == {WarningCode.TENSION_LIMIT}
+    unknown = replace(DRONE.cable, breaking_tension=inf)
+    assert of_end_mass(end_mass, limits, unknown, tension_tow_point=1e6) == set()
+
+
+def test_ground_proximity_is_below_the_minimum_height_and_silent_where_no_height_is_known(
+    end_mass,
+):
+    limits = limited(minimum_height=20.0)
+    assert of_end_mass(end_mass, limits, height_above_home=20.1) == set()
+    near = {WarningCode.GROUND_PROXIMITY}
+    assert of_end_mass(end_mass, limits, height_above_home=19.9) == near
+    assert of_end_mass(end_mass, limits, height_above_home=-50.0) == near
+    assert of_end_mass(end_mass, limits, height_above_home=nan) == set()
+
+
+@pytest.mark.parametrize(("ground", "near"), [(nan, False), (190.0, True), (170.0, False)])
+def test_ground_proximity_is_of_the_end_mass_above_home_or_the_set_ground(ground, near):
+    # 200 m above home at 100 m AMSL, the end mass about 97 m lower.
+    configuration = replace(DRONE, limits=limited(ground_level_amsl=ground))
+    predictions = predict(samples_of(orbiting(height=200.0)), configuration)
+    assert (WarningCode.GROUND_PROXIMITY in codes(*predictions)) is near
+
+
+@pytest.mark.parametrize(("speed", "windy"), [(0.3, False), (4.0, True)])
+def test_wind_is_told_from_the_ground_speed(speed, windy):
+    flight = orbiting(turns=2.0, wind=(0.0, speed))
+    flown = [p for p in predict(samples_of(flight)) if p.valid]
+    texts = [w.text for w in flown[-30].warnings if w.code is WarningCode.WIND_UNMODELLED]
+    assert bool(texts) is windy
+    assert all("varies by" in text for text in texts)
+
+
+def test_wind_is_said_to_be_unknown_until_it_can_be_seen():
+    (warning,) = wind_warnings(nan)
+    assert "not known" in warning.text
+    flown = [p for p in predict(samples_of(FLIGHT, velocities=False)) if p.valid]
+    assert all(WarningCode.WIND_UNMODELLED in codes(p) for p in flown)
