@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from ctcbs_ros import __version__
-from ctcbs_ros.cli import branch, replay, simulate, steady, table
+from ctcbs_ros.cli import branch, critical_drag, cusp, replay, simulate, steady, table
 from ctcbs_ros.errors import InputError
 
 
@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (steady, branch, table, replay, simulate):
+    for command in (steady, branch, cusp, critical_drag, table, replay, simulate):
         command.add_parser(commands)
     return parser
 

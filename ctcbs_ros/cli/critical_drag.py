@@ -1,0 +1,30 @@
+"""`ctcbs critical-drag`: the least cable drag for unique and for stable solutions."""
+
+from ctcbs_ros.cli.cusp import add_arguments, parameters_from
+from ctcbs_ros.cli.output import print_json
+
+
+def add_parser(subparsers) -> None:
+    """Add the subcommand's arguments."""
+    parser = subparsers.add_parser(
+        "critical-drag",
+        help="least cable drag for unique and for stable solutions",
+        description="Least cable drag above which every omega up to --omega-max has one steady "
+        "state (unique), and the state at the first minimum of the end-mass radius is stable.",
+    )
+    add_arguments(parser)
+    parser.set_defaults(run=run)
+
+
+def run(args) -> int:
+    """Find both and print them."""
+    from ctcbs_ros.solver.loci import critical_drag
+
+    found = critical_drag(parameters_from(args), args.omega_max)
+    result = {"unique": found.unique, "stable": found.stable, "required": found.required}
+    if args.json:
+        print_json(result)
+    else:
+        for name, value in result.items():
+            print(f"{name:9s} " + ("none" if value is None else f"d_n {value:.9g}"))
+    return 0
