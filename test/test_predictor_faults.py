@@ -99,7 +99,7 @@ def test_good_samples_with_faults_among_them(faults, swapped):
 
 
 @pytest.mark.slow
-@settings(max_examples=400, **SETTINGS)
+@settings(max_examples=200, **SETTINGS)
 @given(st.dictionaries(st.integers(0, len(GOOD) - 1), fault, max_size=60))
 def test_many_more_faults(faults):
     predictor = Predictor(DRONE)
