@@ -42,6 +42,7 @@ setup(
         "numba>=0.59",
         "pymavlink>=2.4.41",
         "pymap3d>=3.1",
+        "threadpoolctl>=3.1",
         "PyYAML>=6.0",
         "tqdm>=4.64",
         "matplotlib>=3.6",

@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.linalg.lapack import dgeev
+from threadpoolctl import ThreadpoolController
 
 from ctcbs_ros.kernels.galerkin import assemble
 from ctcbs_ros.solver.steady_state import SteadyState, cable_states
@@ -63,6 +64,11 @@ def _quadrature(points):
     return 0.5 * (x + 1.0), 0.5 * w
 
 
+@lru_cache(maxsize=1)
+def _blas() -> ThreadpoolController:
+    return ThreadpoolController()
+
+
 def eigenvalues(state: SteadyState, functions: int) -> np.ndarray:
     """All 6 n eigenvalues of the vibration in n functions a coordinate, per radian of orbit.
 
@@ -80,11 +86,13 @@ def eigenvalues(state: SteadyState, functions: int) -> np.ndarray:
     nodes = x * p.length
     # 1e-8 is far below the 1 % asked of the margin, and cheaper than the steady state's own.
     states = cable_states(p, state.end_mass_radius, nodes, 1e-8)
-    a = assemble(
-        p.theta(state.end_mass_radius), p.length, p.gamma, p.elastic, p.damping,
-        functions, nodes, w * p.length, np.ascontiguousarray(states),
-    )
-    real, imag, _, _, info = dgeev(a, compute_vl=0, compute_vr=0, overwrite_a=1)
+    # Matrices this small only lose by a second BLAS thread, tenfold beside other work.
+    with _blas().limit(limits=1, user_api="blas"):
+        a = assemble(
+            p.theta(state.end_mass_radius), p.length, p.gamma, p.elastic, p.damping,
+            functions, nodes, w * p.length, np.ascontiguousarray(states),
+        )
+        real, imag, _, _, info = dgeev(a, compute_vl=0, compute_vr=0, overwrite_a=1)
     if info != 0:
         raise ArithmeticError(f"no eigenvalues with {functions} functions (LAPACK info {info})")
     return real + 1j * imag
