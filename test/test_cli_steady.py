@@ -160,6 +160,7 @@ FLIGHT = ["--config", DESIGN, "--radius=250", "--speed=50"]
         ([*GOOD[1:], "--omega=-1"], "omega"),
         ([*GOOD[1:], "--omega=nan"], "omega"),
         ([*GOOD, "--length=inf"], "length"),
+        ([*GOOD, "--length=1e-300"], "length"),
         ([*GOOD, "--drag-ratio=-0.1"], "drag_ratio"),
         ([*GOOD, "--elasticity=0"], "elasticity"),
         ([*GOOD, "--band=0"], "--band"),

@@ -92,9 +92,9 @@ def test_a_brute_force_scan_finds_the_same_states_over_table_2_1(elastic):
 @pytest.mark.slow
 @pytest.mark.parametrize("elastic", [False, True])
 def test_a_long_brute_force_scan_finds_the_same_states_over_table_2_1(elastic):
-    compared, wrong = _disagreements(random_points(1000, 8, elastic))
+    compared, wrong = _disagreements(random_points(500, 8, elastic))
     assert wrong == []
-    assert compared >= 980
+    assert compared >= 490
 
 
 def test_states_come_in_rising_radius_and_alternate_in_slope():

@@ -15,7 +15,7 @@ from ctcbs_ros.kernels.trajectory import D_N, N_THETA, OMEGA, RHO, D, G, M, W
 # (name, least, whether the least itself is allowed, whether infinity is)
 _RANGES = (
     ("omega", 1e-6, True, False),  # its square divides the forces
-    ("length", 0.0, False, False),
+    ("length", 1e-9, True, False),  # rounding alone would shape a shorter one
     ("end_mass", 0.0, False, False),
     ("cable_drag", 0.0, True, False),
     ("drag_ratio", 0.0, True, False),
