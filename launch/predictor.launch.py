@@ -1,6 +1,8 @@
 """Start the predictor with one configuration.
 
 ros2 launch ctcbs_ros predictor.launch.py params_file:=FILE
+
+Where telemetry comes from topics (mavlink.url is empty), they are mavros's unless set otherwise.
 """
 
 from launch import LaunchDescription
@@ -25,6 +27,16 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 "log_level", default_value="info", description="debug, info, warn, error or fatal"
             ),
+            DeclareLaunchArgument(
+                "fix",
+                default_value="mavros/global_position/global",
+                description="Topic of the position (NavSatFix)",
+            ),
+            DeclareLaunchArgument(
+                "odom",
+                default_value="mavros/local_position/odom",
+                description="Topic of the velocity, and of the position without fix (Odometry)",
+            ),
             Node(
                 package="ctcbs_ros",
                 executable="predictor",
@@ -37,6 +49,10 @@ def generate_launch_description():
                             LaunchConfiguration("use_sim_time"), value_type=bool
                         )
                     },
+                ],
+                remappings=[
+                    ("fix", LaunchConfiguration("fix")),
+                    ("odom", LaunchConfiguration("odom")),
                 ],
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
                 output="screen",

@@ -121,6 +121,20 @@ def test_running_node_ends_with_zero(tmp_path, drone_table, signals):
         assert "Traceback" not in node.output
 
 
+def test_node_amid_a_log_ends_with_zero(tmp_path, drone_log, drone_table):
+    parameters = {
+        "mavlink.url": quoted(str(drone_log)),
+        "table.file": quoted(str(drone_table)),
+        "replay.wait_for_subscribers": 30.0,
+    }
+    with RunningNode(tmp_path, parameters) as node:
+        poses = node.messages(PoseWithCovarianceStamped, "/predictor/end_mass/pose")
+        node.wait_until(lambda: poses, 30.0)
+        assert node.end(signal.SIGINT, signal.SIGINT) == 0, node.output
+        assert "end of the log" not in node.output
+        assert "Traceback" not in node.output
+
+
 def test_node_that_builds_its_table_ends_with_zero_at_sigterm(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with RunningNode(tmp_path) as node:
@@ -253,7 +267,8 @@ def test_summary_example_is_that_of_the_log(core_replay):
 
 
 def test_markers_go_when_the_orbit_ends(log_replay):
-    actions = [[marker.action for marker in array.markers] for array in log_replay.found["markers"]]
+    arrays = log_replay.found["markers"]
+    actions = [[marker.action for marker in array.markers] for array in arrays]
     assert Marker.ADD in actions[0]
     assert set(actions[-1]) == {Marker.DELETE}
 

@@ -97,9 +97,10 @@ def _through_core(args, log, configuration, table_file, take):
 
 
 def _through_node(args, file, configuration, table_file, take):
-    from ctcbs_ros.replay.through_node import replay_through_node
+    from ctcbs_ros.replay.through_node import replay_through_node, require_ros
     from ctcbs_ros.table import table_for
 
+    require_ros()
     table_for(configuration, table_file)  # built here if need be, with a progress bar
     started = time.monotonic()
     with _progress_bar(take) as take_and_show:

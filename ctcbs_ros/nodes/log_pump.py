@@ -18,8 +18,8 @@ SLOW_SUBSCRIBER = 5.0  # s until a subscriber that holds up the log is reported
 class LogPump:
     """Feeds a log's samples to the node in chunks, from a timer.
 
-    A sample is taken when there is room for what will be published, so the slowest reliable
-    subscriber sets the pace.
+    A sample is taken when all before it is published, and publishing waits for room: the slowest
+    reliable subscriber sets the pace.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class LogPump:
                 return
             if self._rate and now < self._started + self._next.time / self._rate:
                 return
-            if not self._outputs.have_room():
+            if not self._outputs.flush():
                 self._report_slow_subscriber(now)
                 return
             self._last_room = now

@@ -74,7 +74,12 @@ class PredictorNode(Node):
         self.get_logger().info("loading the table, or building it where there is none yet")
         table = table_for(configuration, self._values["table.file"], sys.stderr.isatty())
         self._predictor = Predictor(configuration, table)
-        self._outputs = Outputs(self, self._values["frame_id"], self._values["publish_cable"])
+        self._outputs = Outputs(
+            self,
+            self._values["frame_id"],
+            with_cable=self._values["publish_cable"],
+            complete=self._log is not None,
+        )
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._change)

@@ -1,12 +1,13 @@
 """The topics that the node publishes."""
 
 import json
+from collections import deque
 from math import ceil
 
 from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.qos import QoSDurabilityPolicy, QoSProfile
+from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile
 from sensor_msgs.msg import NavSatFix
 from std_msgs.msg import Float64, String
 from visualization_msgs.msg import Marker, MarkerArray
@@ -17,20 +18,22 @@ from ctcbs_ros.nodes.markers import Name, cable_markers, deletions
 from ctcbs_ros.prediction.prediction import Prediction
 from ctcbs_ros.prediction.record import prediction_record
 
-# What a publisher keeps for a subscriber that falls behind. No more, so that one with the usual
-# depth of 10 keeps up with a log; and a full queue makes Fast DDS ask for acknowledgements at once
-# instead of every 3 s.
-DEPTH = 10
+# Of a live flight the newest predictions count, and of a log all: then publishing fails as long as
+# a reliable subscriber has not received what DDS can hold.
+LIVE = QoSProfile(depth=10)
+COMPLETE = QoSProfile(history=QoSHistoryPolicy.KEEP_ALL)
+LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 ACKNOWLEDGEMENT = Duration(nanoseconds=10_000_000)  # waited for at a time
 LEAST_LIFETIME = 5  # s, of a marker
 
 
 class Output:
-    """One reliable topic, with a count of what its subscribers may not have received yet."""
+    """One reliable topic."""
 
-    def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile | int = DEPTH):
+    def __init__(self, node: Node, message_type: type, topic: str, qos: QoSProfile):
         self._publisher = node.create_publisher(message_type, topic, qos)
-        self._unconfirmed = 0
+        self._complete = qos.history == QoSHistoryPolicy.KEEP_ALL
+        self._waiting: deque = deque()
 
     @property
     def awaited(self) -> bool:
@@ -38,19 +41,25 @@ class Output:
         return self._publisher.get_subscription_count() > 0
 
     def publish(self, message) -> None:
-        """Publish a message."""
-        self._publisher.publish(message)
-        self._unconfirmed += 1
+        """Publish a message, or keep it for `flush` where there is no room for it yet."""
+        self._waiting.append(message)
+        self.flush()
 
-    def has_room(self) -> bool:
-        """Whether the next message would not displace one that is not received."""
-        return self._unconfirmed < DEPTH or self.is_received()
+    def flush(self) -> bool:
+        """Publish what has been kept; whether all of it is published now."""
+        while self._waiting:
+            try:
+                self._publisher.publish(self._waiting[0])
+            except RuntimeError:
+                if not self._complete:
+                    raise
+                return False
+            self._waiting.popleft()
+        return True
 
     def is_received(self) -> bool:
-        """Whether every reliable subscriber has received everything; waits a little for it."""
-        if self._unconfirmed and self._publisher.wait_for_all_acked(ACKNOWLEDGEMENT):
-            self._unconfirmed = 0
-        return self._unconfirmed == 0
+        """Whether every subscriber has received everything; waits a little for it."""
+        return self.flush() and self._publisher.wait_for_all_acked(ACKNOWLEDGEMENT)
 
 
 class Outputs:
@@ -63,27 +72,29 @@ class Outputs:
         Frame of what is published.
     with_cable : bool
         Whether markers are published.
+    complete : bool
+        Whether every prediction is to be received by every reliable subscriber, however slow.
     """
 
-    def __init__(self, node: Node, frame_id: str, with_cable: bool):
+    def __init__(self, node: Node, frame_id: str, with_cable: bool, complete: bool):
         self._frame_id = frame_id
         self._with_cable = with_cable
         self._shown: set[Name] = set()  # markers that stand
         self._datum: Datum | None = None
 
-        latched = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
-        self._pose = Output(node, PoseWithCovarianceStamped, "~/end_mass/pose")
-        self._fix = Output(node, NavSatFix, "~/end_mass/fix")
-        self._center = Output(node, PointStamped, "~/orbit_center")
-        self._margin = Output(node, Float64, "~/stability_margin")
-        self._jump_margin = Output(node, Float64, "~/jump_margin")
-        self._cable = Output(node, MarkerArray, "~/cable")
-        self._record = Output(node, String, "~/prediction")
-        self._datum_fix = Output(node, NavSatFix, "~/datum", latched)
-        self._summary = Output(node, String, "~/summary", latched)
-        self._of_samples = (
+        qos = COMPLETE if complete else LIVE
+        self._pose = Output(node, PoseWithCovarianceStamped, "~/end_mass/pose", qos)
+        self._fix = Output(node, NavSatFix, "~/end_mass/fix", qos)
+        self._center = Output(node, PointStamped, "~/orbit_center", qos)
+        self._margin = Output(node, Float64, "~/stability_margin", qos)
+        self._jump_margin = Output(node, Float64, "~/jump_margin", qos)
+        self._cable = Output(node, MarkerArray, "~/cable", qos)
+        self._record = Output(node, String, "~/prediction", qos)
+        self._datum_fix = Output(node, NavSatFix, "~/datum", LATCHED)
+        self._summary = Output(node, String, "~/summary", LATCHED)
+        self._all = (
             self._pose, self._fix, self._center, self._margin, self._jump_margin, self._cable,
-            self._record,
+            self._record, self._datum_fix, self._summary,
         )  # fmt: skip
 
     @property
@@ -96,14 +107,13 @@ class Outputs:
         """Whether anyone subscribes to the records."""
         return self._record.awaited
 
-    def have_room(self) -> bool:
-        """Whether one more prediction would displace none that is not received yet."""
-        return all(output.has_room() for output in self._of_samples)
+    def flush(self) -> bool:
+        """Publish what has been kept for want of room; whether all of it is published now."""
+        return all(output.flush() for output in self._all)
 
     def are_received(self) -> bool:
         """Whether every reliable subscriber has received all that was published."""
-        everything = (*self._of_samples, self._datum_fix, self._summary)
-        return all(output.is_received() for output in everything)
+        return all(output.is_received() for output in self._all)
 
     def publish(self, prediction: Prediction, datum: Datum | None, lifetime: float) -> None:
         """Publish a prediction: the end mass only where it is valid, the centre with an orbit.

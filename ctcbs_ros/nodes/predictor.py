@@ -55,6 +55,9 @@ def _run() -> int:
         return _refuse(str(error))
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
+    except RuntimeError:
+        if rclpy.ok():  # otherwise a signal came while a message was published
+            raise
     finally:
         # A second signal must not break the end.
         signal.signal(signal.SIGINT, signal.SIG_IGN)

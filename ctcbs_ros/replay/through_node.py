@@ -4,6 +4,7 @@ What comes back are the node's messages: each record (`~/prediction`), each pose
 """
 
 import ctypes
+import importlib.util
 import json
 import os
 import random
@@ -64,17 +65,11 @@ def replay_through_node(
     Raises
     ------
     InputError
-        If rclpy is not installed, or the node refuses its parameters.
+        If the node refuses its parameters.
     NodeFailure
         If the node fails, or a record or pose is lost.
     """
-    try:
-        import rclpy
-    except ImportError:
-        raise InputError(
-            "--through node needs ROS 2 (rclpy): source a ROS installation, "
-            "or pip install 'ctcbs_ros[ros]'"
-        ) from None
+    import rclpy
     from rclpy.context import Context
     from rclpy.signals import SignalHandlerOptions
 
@@ -102,6 +97,15 @@ def replay_through_node(
             return receiver.receive(lambda: _refuse_if_ended(process, output))
         finally:
             context.try_shutdown()
+
+
+def require_ros() -> None:
+    """Raise InputError where rclpy is not installed."""
+    if importlib.util.find_spec("rclpy") is None:
+        raise InputError(
+            "--through node needs ROS 2 (rclpy): source a ROS installation, "
+            "or pip install 'ctcbs_ros[ros]'"
+        )
 
 
 def free_domain() -> int:

@@ -1,0 +1,102 @@
+"""The frame of the command line: help, version, exit codes, errors and signals."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from ctcbs_ros import __version__
+from ctcbs_ros.cli.main import main
+
+STEADY = "steady --omega 1 --length 3 --end-mass 50 --cable-drag 10 --drag-ratio 1".split()
+
+
+def run(*arguments, **options):
+    """`python -m ctcbs_ros` in a process of its own."""
+    command = [sys.executable, "-m", "ctcbs_ros", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, **options)
+
+
+def exit_code(*arguments):
+    """Code with which argparse ends `ctcbs`."""
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    return ended.value.code
+
+
+def test_version_is_that_of_the_package(capsys):
+    assert exit_code("--version") == 0
+    assert capsys.readouterr().out == f"ctcbs {__version__}\n"
+
+
+def test_help_names_each_command(capsys):
+    assert exit_code("--help") == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in ("steady", "table", "replay", "simulate"))
+
+
+@pytest.mark.parametrize("command", ["steady", "table", "table build", "replay", "simulate"])
+def test_each_command_has_help(capsys, command):
+    assert exit_code(*command.split(), "--help") == 0
+    assert capsys.readouterr().out.startswith(f"usage: ctcbs {command}")
+
+
+def test_help_waits_for_no_compiler():
+    code = (
+        "import sys\nfrom ctcbs_ros.cli.main import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "print(sorted({'numba', 'scipy', 'matplotlib', 'pymavlink', 'rclpy'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["fly"], ["steady", "--omega", "fast"], ["replay"], ["table"]]
+)
+def test_wrong_usage_ends_with_2(capsys, arguments):
+    assert exit_code(*arguments) == 2
+    assert "usage: ctcbs" in capsys.readouterr().err
+
+
+def test_bad_input_is_one_line_on_stderr_and_ends_with_2(capsys):
+    assert main(["steady", "--omega", "1"]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    (line,) = shown.err.splitlines()
+    assert line.startswith("ctcbs: error: ")
+    assert "--length" in line
+
+
+def test_reader_that_goes_away_is_no_error():
+    command = [sys.executable, "-m", "ctcbs_ros", *STEADY, "--json"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+    errors = process.stderr.read()
+    assert process.wait(60) == 128 + signal.SIGPIPE
+    assert errors == b""
+
+
+def test_interrupted_command_ends_with_130_and_one_line(tmp_path):
+    drone = os.path.join(os.path.dirname(__file__), "..", "config", "small_drone.yaml")
+    command = [sys.executable, "-m", "ctcbs_ros", "table", "build", drone, "-o", "table.npz"]
+    root = os.path.abspath(os.path.dirname(os.path.dirname(__file__)))
+    process = subprocess.Popen(
+        [*command[:5], os.path.abspath(drone), *command[6:]],
+        cwd=tmp_path, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": root},
+    )  # fmt: skip
+    time.sleep(2.0)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert errors.splitlines()[-1] == "ctcbs: interrupted"
+    assert "Traceback" not in errors
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_program_and_module_are_the_same_command():
+    done = run("--version")
+    assert (done.returncode, done.stdout) == (0, f"ctcbs {__version__}\n")

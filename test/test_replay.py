@@ -1,0 +1,377 @@
+"""Replays through the core: records, summary, tables, plots and files."""
+
+import csv
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from math import inf, nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ctcbs_ros.cli.main import main
+from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.prediction.codes import SkipCode, WarningCode
+from ctcbs_ros.prediction.prediction import Jump
+from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.prediction.record import end_mass_fields, prediction_record
+from ctcbs_ros.replay.core import replay_through_core
+from ctcbs_ros.replay.folder import complete_folder
+from ctcbs_ros.replay.tables import PREDICTION_COLUMNS, SAMPLE_COLUMNS
+from ctcbs_ros.replay.text import SKIPS, WARNINGS, summary_text
+from ctcbs_ros.table import table_for
+from ctcbs_ros.telemetry.source import open_log
+
+DRONE = Path(__file__).parents[1] / "config" / "small_drone.yaml"
+FLIGHTS = Path(__file__).parents[2] / "shared" / "flights"
+PLOTS = {"track.png", "margin.png", "end_mass.png"}
+
+
+def replayed(log, table, configuration=DRONE):
+    """Records and summary of a log."""
+    configuration = load_configuration(configuration)
+    predictor = Predictor(configuration, table_for(configuration, table))
+    records = []
+    summary = replay_through_core(
+        open_log(log), predictor, 0.0, lambda record, progress: records.append(record)
+    )
+    return records, summary
+
+
+@pytest.fixture(scope="module")
+def replay(drone_log, drone_table):
+    return replayed(drone_log, drone_table)
+
+
+@pytest.fixture(scope="module")
+def out(drone_log, drone_table, tmp_path_factory):
+    """Folder of results of the command, and what it printed."""
+    folder = tmp_path_factory.mktemp("replay") / "made" / "out"
+    command = ["replay", drone_log, "--config", DRONE, "--table", drone_table, "--out", folder]
+    done = run(*command)
+    assert done.returncode == 0, done.stderr
+    return folder, done
+
+
+def run(*arguments, **options):
+    """`ctcbs` in a process of its own."""
+    command = [sys.executable, "-m", "ctcbs_ros", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, **options)
+
+
+def rows(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+# --- summary ------------------------------------------------------------------------------------
+
+
+def test_summary_has_the_keys_that_other_tools_rely_on(drone_log, drone_table):
+    done = run("replay", drone_log, "--config", DRONE, "--table", drone_table, "--json")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout, parse_constant=pytest.fail)
+    assert {"samples", "predictions", "skipped", "warnings", "orbits", "wall_s"} <= set(summary)
+    (orbit,) = summary["orbits"]
+    assert {
+        "start_s", "end_s", "turns", "radius_m", "speed_m_s", "sense", "center",
+        "end_mass_radius_m", "end_mass_depth_m", "margin_per_s",
+    } <= set(orbit)  # fmt: skip
+    assert "replay" in done.stderr  # the progress
+
+
+def test_orbit_of_the_summary_is_the_one_simulated(replay):
+    (orbit,) = replay[1]["orbits"]
+    # drone_log of conftest.py: 2.5 turns, 60 m, 20 m/s, clockwise, about 47.4, 8.5
+    assert orbit["turns"] == pytest.approx(2.5, abs=0.3)
+    assert orbit["radius_m"] == pytest.approx(60.0, abs=0.6)
+    assert orbit["speed_m_s"] == pytest.approx(20.0, abs=0.2)
+    assert orbit["sense"] == "cw"
+    assert orbit["center"] == pytest.approx([47.4, 8.5], abs=1e-5)
+    assert orbit["end_s"] - orbit["start_s"] == pytest.approx(
+        orbit["turns"] * 2 * np.pi * 60.0 / 20.0, rel=0.05
+    )
+
+
+def test_end_mass_of_an_orbit_is_the_steady_state_of_its_own_radius_and_speed(replay):
+    (orbit,) = replay[1]["orbits"]
+    done = run(
+        "steady", "--config", DRONE, "--radius", orbit["radius_m"],
+        "--speed", orbit["speed_m_s"], "--json",
+    )  # fmt: skip
+    (solution,) = json.loads(done.stdout)["solutions"]
+    assert solution["si"]["end_mass_radius_m"] == pytest.approx(orbit["end_mass_radius_m"])
+    assert solution["si"]["depth_m"] == pytest.approx(orbit["end_mass_depth_m"])
+    assert -solution["si"]["growth_rate_per_s"] == pytest.approx(orbit["margin_per_s"])
+
+
+def test_samples_are_those_used_and_those_skipped(replay):
+    records, summary = replay
+    assert summary["samples"] == len(records) == sum(1 for _ in records)
+    used = sum(record["skip"] is None for record in records)
+    assert summary["samples"] == used + sum(summary["skipped"].values())
+    assert summary["predictions"] == sum(record["valid"] for record in records)
+    for code, count in summary["warnings"].items():
+        having = [r for r in records if code in {w["code"] for w in r["warnings"]}]
+        assert count == len(having)
+
+
+def test_nothing_is_predicted_on_the_straight_legs(replay):
+    records, summary = replay
+    (orbit,) = summary["orbits"]
+    start = records[0]["vehicle_time_s"]
+    for record in records:
+        if record["valid"]:
+            # a quarter of a turn, 4.7 s, may pass until the end is seen
+            assert orbit["start_s"] <= record["vehicle_time_s"] - start <= orbit["end_s"] + 4.8
+
+
+def test_text_of_the_summary_explains_each_warning_and_each_skip(replay):
+    summary = replay[1] | {"wall_s": 1.0, "skipped": {"JUMP": 3, "BAD_FIX": 11}}
+    text = summary_text(summary)
+    assert "clockwise" in text
+    for code in [*summary["warnings"], *summary["skipped"]]:
+        assert re.search(rf"\d+  {code} +\w+ \w+", text), text
+
+
+def test_every_code_has_an_explanation():
+    assert set(SKIPS) == set(SkipCode)
+    assert set(WARNINGS) == set(WarningCode)
+
+
+def test_text_of_a_flight_without_orbit_says_so(replay):
+    nothing = replay[1] | {"wall_s": 1.0, "orbits": [], "skipped": {}, "warnings": {}}
+    assert "No orbit was flown." in summary_text(nothing)
+
+
+# --- records ------------------------------------------------------------------------------------
+
+
+def test_records_are_json_without_infinities(replay):
+    for record in replay[0]:
+        json.dumps(record, allow_nan=False)
+
+
+def test_figures_that_are_infinite_or_not_known_are_none(drone_log, drone_table):
+    configuration = load_configuration(DRONE)
+    predictor = Predictor(configuration, table_for(configuration, drone_table))
+    valid = next(p for p in map(predictor.update, open_log(drone_log)) if p.valid)
+    from dataclasses import replace
+
+    end_mass = replace(
+        valid.end_mass, settling_time=inf, height_above_home=nan,
+        jump_in_speed=Jump(30.0, 0.5, nan),
+    )  # fmt: skip
+    fields = end_mass_fields(end_mass)
+    assert fields["settling_time_s"] is None
+    assert fields["end_mass_height_above_home_m"] is None
+    assert fields["jump_speed_m_s"] == 30.0
+    assert fields["jump_speed_landing_radius_m"] is None
+    assert prediction_record(valid)["stamp_ns"] == valid.stamp_ns
+
+
+# --- files --------------------------------------------------------------------------------------
+
+
+def test_results_are_the_tables_summary_and_plots_and_nothing_else(out):
+    folder, done = out
+    names = {path.name for path in folder.iterdir()}
+    assert names == {"predictions.csv", "samples.csv", "summary.json"} | PLOTS
+    assert [path.name for path in folder.parent.iterdir()] == ["out"]
+    assert str(folder) in done.stderr
+
+
+def test_tables_hold_every_prediction_and_every_sample(out, replay):
+    folder, records = out[0], replay[0]
+    predictions, samples = rows(folder / "predictions.csv"), rows(folder / "samples.csv")
+    assert tuple(predictions[0]) == PREDICTION_COLUMNS
+    assert tuple(samples[0]) == SAMPLE_COLUMNS
+    assert len(samples) == len(records)
+    valid = [record for record in records if record["valid"]]
+    assert [int(row["stamp_ns"]) for row in predictions] == [r["stamp_ns"] for r in valid]
+    for row, record in zip(predictions, valid, strict=True):
+        for name in ("end_mass_east_m", "end_mass_latitude_deg", "margin_per_s"):
+            assert float(row[name]) == record[name]
+    assert float(predictions[0]["time_s"]) == pytest.approx(
+        valid[0]["vehicle_time_s"] - records[0]["vehicle_time_s"]
+    )
+
+
+def test_every_figure_of_a_record_has_its_column(replay):
+    valid = next(record for record in replay[0] if record["valid"])
+    assert set(valid) - set(PREDICTION_COLUMNS) == {"skip", "valid", "other_solutions"}
+    added = {"time_s", "other_end_mass_radii_m"}
+    assert set(PREDICTION_COLUMNS) - set(valid) == added
+
+
+def test_plots_are_drawn(out):
+    from matplotlib.image import imread
+
+    for name in PLOTS:
+        image = imread(out[0] / name)
+        assert min(image.shape[:2]) > 500
+        assert np.ptp(image[..., :3]) > 0.5  # something is on it
+
+
+def test_summary_file_is_the_summary(out, replay):
+    summary = json.loads((out[0] / "summary.json").read_text())
+    assert summary.pop("wall_s") > 0.0
+    assert summary == json.loads(json.dumps(replay[1]))
+
+
+def test_folder_is_left_as_it_was_where_the_work_fails(tmp_path):
+    folder = tmp_path / "new" / "out"
+
+    def fail(draft):
+        (draft / "predictions.csv").write_text("half a")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), complete_folder(folder) as draft:
+        fail(draft)
+    assert list(tmp_path.iterdir()) == []
+
+    folder.mkdir(parents=True)
+    (folder / "predictions.csv").write_text("old")
+    with pytest.raises(KeyboardInterrupt), complete_folder(folder) as draft:
+        fail(draft)
+    assert [path.read_text() for path in folder.iterdir()] == ["old"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_replay_leaves_no_files_and_no_traceback(
+    tmp_path, drone_log, drone_table, number
+):
+    command = [sys.executable, "-m", "ctcbs_ros", "replay", drone_log, "--config", DRONE]
+    command += ["--table", drone_table, "--rate", "5", "--out", tmp_path / "out"]
+    process = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60.0
+    while not list(tmp_path.glob("out/.*/samples.csv")):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    time.sleep(0.5)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=20)
+    assert process.returncode == 128 + number
+    assert "Traceback" not in errors
+    assert list(tmp_path.iterdir()) == []
+
+
+# --- bad input ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def refused(tmp_path, capsys, monkeypatch):
+    """Function that runs `ctcbs replay` and returns its one line on standard error."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+    def refusal(*arguments):
+        assert main(["replay", *map(str, arguments)]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith("ctcbs: error: ")
+        assert not (tmp_path / "cache").exists(), "a table was built first"
+        return line
+
+    return refusal
+
+
+def test_absent_log_is_refused_before_a_table_is_built(refused, tmp_path):
+    assert "absent.tlog" in refused(tmp_path / "absent.tlog", "--config", DRONE)
+
+
+@pytest.mark.parametrize("content", [b"", b"no message in here\n" * 500, bytes(10_000)])
+def test_log_without_a_message_is_refused_before_a_table_is_built(refused, tmp_path, content):
+    (tmp_path / "noise.tlog").write_bytes(content)
+    assert "noise.tlog" in refused(tmp_path / "noise.tlog", "--config", DRONE)
+
+
+def test_absent_configuration_is_refused(refused, drone_log, tmp_path):
+    assert "absent.yaml" in refused(drone_log, "--config", tmp_path / "absent.yaml")
+
+
+def test_table_of_another_configuration_is_refused(refused, drone_log, drone_table, tmp_path):
+    other = tmp_path / "other.yaml"
+    other.write_text(DRONE.read_text().replace("length: 150.0", "length: 140.0"))
+    line = refused(drone_log, "--config", other, "--table", drone_table)
+    assert str(drone_table) in line
+
+
+def test_folder_that_cannot_be_made_is_refused(refused, drone_log, drone_table, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    line = refused(
+        drone_log, "--config", DRONE, "--table", drone_table, "--out", tmp_path / "file" / "out"
+    )
+    assert str(tmp_path / "file" / "out") in line
+
+
+@pytest.mark.parametrize("rate", ["-1", "nan", "inf", "fast"])
+def test_rate_that_is_none_is_refused(capsys, drone_log, rate):
+    with pytest.raises(SystemExit) as error:
+        main(["replay", str(drone_log), "--config", str(DRONE), f"--rate={rate}"])
+    assert error.value.code == 2
+    assert "--rate" in capsys.readouterr().err
+
+
+def test_rate_paces_the_replay(drone_log, drone_table):
+    configuration = load_configuration(DRONE)
+    predictor = Predictor(configuration, table_for(configuration, drone_table))
+    times = []
+    begun = time.monotonic()
+    replay_through_core(
+        open_log(drone_log), predictor, 20.0,
+        lambda record, progress: times.append((record["vehicle_time_s"], time.monotonic())),
+    )  # fmt: skip
+    flown = times[-1][0] - times[0][0]
+    assert flown / 20.0 <= time.monotonic() - begun < flown / 20.0 + 3.0
+
+
+# --- recorded flights ---------------------------------------------------------------------------
+
+
+def flight(name):
+    path = FLIGHTS / name
+    if not path.is_file():
+        pytest.skip(f"recorded flight not here: {path}")
+    return path
+
+
+def test_loiter_of_the_simulator_is_found_as_it_was_flown(drone_table):
+    records, summary = replayed(flight("plane_sitl_loiter.tlog"), drone_table)
+    (orbit,) = summary["orbits"]
+    # shared/flights/README.md: 2 turns clockwise, 102.5 m, 23.2 m/s
+    assert orbit["turns"] >= 1.8
+    assert orbit["radius_m"] == pytest.approx(102.5, abs=0.5)
+    assert orbit["speed_m_s"] == pytest.approx(23.2, abs=0.3)
+    assert orbit["sense"] == "cw"
+    start_up = [r for r in records if r["skip"] == "BAD_FIX"]
+    assert start_up
+    assert records.index(start_up[-1]) < len(start_up)  # the first ones, and no other
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "plane_sitl_guided_loiter.BIN", "plane_real_wind.tlog", "copter_two_sessions.tlog",
+        "plane_sitl_corrupt.tlog",
+    ],
+)  # fmt: skip
+def test_recorded_flight_replays_and_accounts_for_each_sample(drone_table, name):
+    records, summary = replayed(flight(name), drone_table)
+    used = sum(record["skip"] is None for record in records)
+    assert summary["samples"] == len(records) == used + sum(summary["skipped"].values()) > 0
+    assert set(summary["skipped"]) <= {code.value for code in SkipCode}
+    assert summary_text(summary | {"wall_s": 1.0})
+    for record in records:
+        json.dumps(record, allow_nan=False)
+
+
+def test_python_warnings_do_not_come_up_in_a_replay(drone_log, drone_table, tmp_path):
+    environment = os.environ | {"PYTHONWARNINGS": "error::RuntimeWarning"}
+    done = run(
+        "replay", drone_log, "--config", DRONE, "--table", drone_table, env=environment
+    )
+    assert done.returncode == 0, done.stderr
