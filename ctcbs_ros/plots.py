@@ -113,8 +113,9 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
         jump.legend(loc="best", frameon=False)
     else:
         jump.set_yticks([])
+        nothing = "no change of angular rate within reach makes the end mass jump"
         jump.text(
-            0.5, 0.5, "no change of angular rate within reach makes the end mass jump",
+            0.5, 0.5, nothing if len(time) else "no prediction",
             transform=jump.transAxes, ha="center", va="center",
         )  # fmt: skip
 

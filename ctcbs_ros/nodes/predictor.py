@@ -18,12 +18,14 @@ def main() -> int:
     int
         0, or 2 after one line on standard error where the node cannot start.
     """
-    # A SIGTERM before the node spins (its table may take half a minute) ends it as SIGINT does.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # For the time before rclpy listens, and while the table is built. (After a KeyboardInterrupt
+    # amid an import Python may end with SIGINT's code though it was caught.)
+    signal.signal(signal.SIGINT, _stop)
+    signal.signal(signal.SIGTERM, _stop)
     try:
         return _run()
-    except KeyboardInterrupt:
-        return 0
+    finally:
+        _ignore_signals()
 
 
 def _run() -> int:
@@ -53,20 +55,29 @@ def _run() -> int:
         rclpy.spin_until_future_complete(node, node.finished)
     except InputError as error:
         return _refuse(str(error))
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
     except RuntimeError:
         if rclpy.ok():  # otherwise a signal came while a message was published
             raise
     finally:
-        # A second signal must not break the end.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        _ignore_signals()
         if node is not None:
             node.close()
             node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _stop(_number, _frame) -> None:
+    _ignore_signals()
+    sys.exit(0)
+
+
+def _ignore_signals() -> None:
+    """From here on a further signal must not break the end."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 def _refuse(reason: str) -> int:

@@ -26,7 +26,7 @@ from ctcbs_ros.prediction.record import Record
 NODE = "predictor"
 # Domains whose UDP ports lie below those that Linux gives to others, less 0, where users are.
 DOMAINS = range(1, 102)
-FIRST_MESSAGE = 60.0  # s to wait for the node's start and its discovery
+FIRST_MESSAGE = 120.0  # s to wait for the node's start and its discovery
 LAST_MESSAGES = 20.0  # s to wait for what is missing when the summary is there
 TERMINATION = 10.0  # s
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
