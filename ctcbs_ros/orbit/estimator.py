@@ -163,7 +163,11 @@ class OrbitEstimator:
     def _append(self, time, position, velocity, position_sigma, velocity_sigma) -> None:
         s = self._settings
         if self._end == len(self._rows):
-            kept = self._rows[max(self._first, self._end - self._capacity) : self._end].copy()
+            kept = self._rows[self._first : self._end]
+            if len(kept) > self._capacity:
+                # A slow circle at a high rate: half as many samples still fill the window.
+                kept = kept[::-1][::2][::-1]
+            kept = kept.copy()
             self._rows[: len(kept)] = kept
             self._first, self._end = 0, len(kept)
         row = self._rows[self._end]

@@ -1,0 +1,174 @@
+"""The orbit estimator on simulated flights with known truth, and on recorded ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from orbit_tracks import TURN, arc, fly, racetrack, straight
+
+from ctcbs_ros.orbit.estimator import OrbitEstimator
+from ctcbs_ros.orbit.segments import OrbitSegments
+from ctcbs_ros.telemetry.local_frame import LocalFrame
+from ctcbs_ros.telemetry.screen import Screen
+from ctcbs_ros.telemetry.source import open_log
+
+FLIGHTS = Path(__file__).parents[2] / "shared" / "flights"
+NOISE = {"position_noise": 1.5, "velocity_noise": 0.3}
+
+
+def estimate(flight, velocity=True, sigmas=(1.5, 0.3)):
+    """The estimator's answer to each sample."""
+    estimator = OrbitEstimator()
+    return [
+        estimator.add(t, p, v if velocity else None, *sigmas)
+        for t, p, v in zip(flight.time, flight.position, flight.velocity, strict=True)
+    ]
+
+
+def entry(radius, turns, speed, seed, sense=1, **options):
+    track = [straight(6.0 * speed), arc(radius, turns, sense)]
+    return fly(track, speed, np.random.default_rng(seed), **{**NOISE, **options})
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize(("radius", "speed"), [(40.0, 15.0), (80.0, 22.0), (300.0, 60.0)])
+def test_after_three_quarters_of_a_turn_radius_and_centre_are_right(radius, speed, sense):
+    radii, centers = [], []
+    for seed in range(25):
+        flight = entry(radius, 0.75, speed, seed, sense)
+        orbit = estimate(flight)[-1].orbit
+        assert orbit is not None
+        assert orbit.sense == sense
+        radii.append(orbit.radius)
+        centers.append(orbit.center[:2] - flight.centers[1])
+    assert np.std(radii) < 0.01 * radius
+    assert abs(np.mean(radii) / radius - 1.0) < 0.005
+    assert np.std(centers, axis=0).max() < 1.0
+
+
+def test_first_orbit_comes_within_half_a_turn_or_little_more():
+    flight = entry(60.0, 1.0, 20.0, 0)
+    fixes = estimate(flight)
+    first = next(i for i, fix in enumerate(fixes) if fix.orbit is not None)
+    assert flight.piece[first] == 1
+    assert flight.angle[first] < 0.55 * TURN
+
+
+def test_circle_that_is_left_is_no_orbit_within_a_quarter_of_a_turn():
+    track = [straight(120.0), arc(60.0, 2.0), straight(400.0)]
+    flight = fly(track, 20.0, np.random.default_rng(1), **NOISE)
+    fixes = estimate(flight)
+    after = [f.orbit for f, piece in zip(fixes, flight.piece, strict=True) if piece == 2]
+    quarter = int(0.25 * TURN * 60.0 / 20.0 * 5.0)
+    assert all(orbit is None for orbit in after[quarter:])
+
+
+@pytest.mark.parametrize("rate", [1.0, 5.0, 50.0])
+def test_rate_of_samples_does_not_matter(rate):
+    flight = entry(200.0, 1.5, 18.0, 2, rate=rate)
+    orbit = estimate(flight)[-1].orbit
+    assert orbit.radius == pytest.approx(200.0, rel=0.01)
+    assert orbit.angular_rate == pytest.approx(18.0 / 200.0, rel=0.01)
+
+
+def test_positions_alone_are_enough_for_a_whole_turn():
+    orbit = estimate(entry(80.0, 1.3, 20.0, 3), velocity=False)[-1].orbit
+    assert orbit.radius == pytest.approx(80.0, rel=0.02)
+
+
+def test_circle_held_over_the_ground_in_wind_is_an_orbit_of_its_own_period():
+    # plane_real_wind.tlog: 7 m/s of wind at about 16 m/s.
+    flight = entry(70.0, 2.5, 16.0, 4, wind=(4.0, -5.7))
+    orbit = estimate(flight)[-1].orbit
+    on_circle = flight.time[flight.piece == 1]
+    turns = flight.angle[-1] / TURN
+    period = (on_circle[-1] - on_circle[0]) / turns
+    assert orbit.radius == pytest.approx(70.0, rel=0.01)
+    # The last half turn is not a whole period, and in wind its halves last differently.
+    assert orbit.angular_rate == pytest.approx(TURN / period, rel=0.12)
+
+
+def test_gap_of_five_seconds_on_the_circle_does_not_lose_it():
+    flight = entry(60.0, 3.0, 20.0, 5)
+    middle = flight.time[len(flight.time) // 2]
+    keep = (flight.time < middle) | (flight.time > middle + 5.0)
+    estimator = OrbitEstimator()
+    fixes = [
+        (t, estimator.add(t, p, v, 1.5, 0.3))
+        for t, p, v in zip(
+            flight.time[keep], flight.position[keep], flight.velocity[keep], strict=True
+        )
+    ]
+    after = [fix.orbit for t, fix in fixes if t > middle + 5.0]
+    assert np.mean([orbit is not None for orbit in after]) > 0.95
+
+
+def test_one_glitch_of_a_hundred_metres_does_not_move_the_circle():
+    flight = entry(60.0, 2.0, 20.0, 6)
+    flight.position[-10, :2] += 100.0
+    orbit = estimate(flight)[-1].orbit
+    assert orbit.radius == pytest.approx(60.0, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "track",
+    [[straight(3000.0)], racetrack(60.0, 400.0, 2)],
+    ids=["straight", "racetrack"],
+)
+def test_what_is_no_circle_is_no_orbit(track):
+    flight = fly(track, 20.0, np.random.default_rng(7), **NOISE)
+    valid = np.mean([fix.orbit is not None for fix in estimate(flight)])
+    assert valid < 0.06
+
+
+@pytest.mark.parametrize("noise", [1.5, 4.0])
+def test_hovering_or_parked_in_noise_is_no_orbit(noise):
+    rng = np.random.default_rng(8)
+    estimator = OrbitEstimator()
+    for i in range(600):
+        position = rng.normal(0.0, noise, 3)
+        fix = estimator.add(0.2 * i, position, rng.normal(0.0, 0.3, 3), noise, 0.3)
+        assert fix.orbit is None
+
+
+def recorded(name):
+    file = FLIGHTS / name
+    if not file.exists():
+        pytest.skip(f"{file} is not there")
+    screen, frame, estimator = Screen(), LocalFrame(), OrbitEstimator()
+    segments = OrbitSegments()
+    for sample in open_log(file):
+        if screen.check(sample) is None:
+            local = frame.localize(sample)
+            velocity = None if sample.velocity is None else np.array(sample.velocity)
+            fix = estimator.add(
+                sample.time, local.position, velocity,
+                sample.horizontal_accuracy, sample.speed_accuracy,
+            )
+            segments.add(sample.time, fix.orbit, local.position)
+    return segments.finish()
+
+
+def test_recorded_loiter_is_one_clockwise_orbit():
+    (orbit,) = recorded("plane_sitl_loiter.tlog")
+    assert orbit.turns >= 1.8
+    assert orbit.radius == pytest.approx(102.5, abs=0.5)
+    assert orbit.speed == pytest.approx(23.2, abs=0.3)
+    assert orbit.sense == -1
+
+
+def test_recorded_climbing_loiter_is_found_in_a_dataflash_log():
+    # shared/flights/README.md: 2.2 turns clockwise, R 83 m, 23 m/s.
+    (orbit,) = recorded("plane_sitl_guided_loiter.BIN")
+    assert orbit.turns == pytest.approx(2.2, abs=0.15)
+    assert orbit.radius == pytest.approx(83.0, abs=1.0)
+    assert orbit.speed == pytest.approx(23.0, abs=0.5)
+    assert orbit.sense == -1
+
+
+def test_recorded_circle_in_real_wind_is_found():
+    # shared/flights/README.md: 1.4 turns clockwise, R about 68 m.
+    orbits = recorded("plane_real_wind.tlog")
+    assert any(
+        o.sense == -1 and abs(o.radius - 68.0) < 4.0 and abs(o.turns - 1.4) < 0.35 for o in orbits
+    )
