@@ -292,10 +292,17 @@ class OrbitEstimator:
         noise = 4.0 * sigma / (np.sqrt(len(rows) / 12.0) * arc)
         if abs(slope) * _TURN > s.trend_share * fit.radius + noise * _TURN:
             return f"a spiral: the radius changes by {slope * _TURN:+.0f} m a turn"
-        steps = np.diff(angle) * sense
+        believed = np.abs(fit.radial) < 5.0 * allowed
+        steps = np.diff(angle[believed]) * sense
+        duration = np.diff(rows[believed, _TIME])
         quiet = 3.0 * np.sqrt(2.0) * sigma / fit.radius
-        if np.mean(steps < -quiet) > 0.1:
+        # Over the newest steps together, noise does not hide which way the aircraft turns.
+        if np.mean(steps < -quiet) > 0.1 or steps[-5:].sum() < -quiet:
             return "the sense of rotation changes"
+        # In strong wind the rate along a circle held over the ground is up to twice its mean.
+        usual = arc / duration.sum() * duration
+        if np.any(steps > 2.0 * usual + quiet + 0.3):
+            return "the track is broken"
         return ""
 
 
