@@ -4,8 +4,9 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from orbit_tracks import TURN, arc, fly, straight
+from orbit_tracks import TURN, arc, between, fly, straight
 
+from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.segments import OrbitSegments
 
@@ -107,3 +108,21 @@ def test_memory_does_not_grow_with_the_turns_flown():
     assert segment.turns == pytest.approx(turns + 1.0, abs=0.1)
     # Kept in full, 20,000 orbits with their covariances take more than 10 MB.
     assert used < 4e6
+
+
+def test_segments_do_not_overlap_and_a_transition_is_none():
+    # The windows of a transition hold parts of both circles, and fit one in between.
+    flight = fly(
+        [straight(300.0), arc(60.0, 3.0), between(60.0, 80.0, 0.25), arc(80.0, 3.0)],
+        SPEED, np.random.default_rng(1),
+    )
+    estimator, segments = OrbitEstimator(), OrbitSegments()
+    for time, position, velocity in zip(
+        flight.time, flight.position, flight.velocity, strict=True
+    ):
+        fix = estimator.add(time, position, velocity, 1.5, 0.3)
+        segments.add(time, fix.orbit, position)
+    first, second = segments.finish()
+    assert [first.radius, second.radius] == pytest.approx([60.0, 80.0], rel=0.01)
+    assert second.start_time >= first.end_time
+    assert first.turns + second.turns == pytest.approx(6.25, abs=0.4)

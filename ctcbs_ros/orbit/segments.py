@@ -108,7 +108,12 @@ class OrbitSegments:
         rate = float(np.median([o.angular_rate for o in settled]))
         center = np.median([o.center[:2] for o in settled], axis=0)
         start, before = self._backdated(run.first, center, radius, rate)
-        turns = (before + run.first.arc + run.angle) / (2.0 * pi)
+        angle = before + run.first.arc + run.angle
+        if self._done and start < self._done[-1].end_time:
+            # The first window reaches back into the orbit before: that part is counted there.
+            angle -= rate * (self._done[-1].end_time - start)
+            start = self._done[-1].end_time
+        turns = angle / (2.0 * pi)
         if turns < _LEAST_TURNS:
             return
         self._done.append(
