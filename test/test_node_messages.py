@@ -304,3 +304,11 @@ def test_infinite_settling_time_is_shown_as_none():
     monitor = Monitor()
     monitor.add(with_end_mass(settling_time=inf))
     assert values(monitor.report(None, {})[2])["settling_time_s"] == "none"
+
+
+def test_unknown_height_above_ground_is_said_so_that_silence_is_not_taken_for_safety():
+    for height, judged in ((150.0, True), (nan, False)):
+        monitor = Monitor()
+        monitor.add(with_end_mass(height_above_home=height))
+        values = {v.key: v.value for v in monitor.report(None, {})[2].values}
+        assert (values["ground proximity"] == "judged") is judged

@@ -1,6 +1,7 @@
 """The state of telemetry, orbit and prediction as diagnostics: every figure and every warning."""
 
 from collections.abc import Iterable
+from math import isfinite
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -86,7 +87,11 @@ def prediction_status(prediction: Prediction) -> DiagnosticStatus:
     elsewhere = TELEMETRY_WARNINGS | ORBIT_WARNINGS
     warnings = [w for w in prediction.warnings if w.code not in elsewhere]
     if prediction.end_mass is not None:
-        return _status("prediction", warnings, "valid", end_mass_fields(prediction.end_mass))
+        figures = end_mass_fields(prediction.end_mass)
+        # Silence must not be taken for safety.
+        known = isfinite(prediction.end_mass.height_above_home)
+        figures["ground proximity"] = "judged" if known else "not judged, no height above ground"
+        return _status("prediction", warnings, "valid", figures)
     status = _status("prediction", warnings, "no prediction: no orbit", {})
     status.level = max(status.level, DiagnosticStatus.WARN)
     return status
