@@ -236,9 +236,9 @@ class Predictor:
         position = pose.end_mass_position(orbit, point, state)
         if not np.all(np.isfinite(position)):
             return None
-        ground = self._limits.ground_level_amsl
-        # Where the set ground cannot be compared with the fix, home is no substitute for it.
-        ground_up = self._frame.up_of_amsl(ground) if isfinite(ground) else local.home_up
+        ground_up = self._frame.up_of_amsl(self._limits.ground_level_amsl)
+        if not isfinite(ground_up):
+            ground_up = local.home_up
         return EndMass(
             state=si,
             branch=tracked.branch,
