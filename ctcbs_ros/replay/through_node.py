@@ -92,10 +92,13 @@ def replay_through_node(
             domain_id=domain,
             signal_handler_options=SignalHandlerOptions.NO,
         )
+        receiver = None
         try:
             receiver = _Receiver(context, f"{namespace}/{NODE}", take)
             return receiver.receive(lambda: _refuse_if_ended(process, output))
         finally:
+            if receiver is not None:
+                receiver.close()
             context.try_shutdown()
 
 
@@ -198,8 +201,14 @@ class _Receiver:
         node.create_subscription(
             PoseWithCovarianceStamped, f"{node_name}/end_mass/pose", self._add_pose, everything
         )
+        self._node = node
         self._executor = SingleThreadedExecutor(context=context)
         self._executor.add_node(node)
+
+    def close(self) -> None:
+        """End the subscriptions, while the context that they live in still does."""
+        self._executor.shutdown(timeout_sec=1.0)
+        self._node.destroy_node()
 
     def receive(self, check_node: Callable[[], None]) -> dict[str, Any]:
         """Receive everything; returns the summary."""
