@@ -17,6 +17,7 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     Parameters
     ----------
     path : str or Path
+        In a folder that is there.
     mode : str
         "w" for text (UTF-8), "wb" for bytes.
 
@@ -26,20 +27,18 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
         If the file cannot be written.
     """
     path = Path(path)
+    name = None
     text = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
     try:
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
-    try:
         with os.fdopen(handle, mode, **text) as file:
             yield file
             file.flush()
             os.fsync(file.fileno())
         os.chmod(name, 0o644)
         os.replace(name, path)
-    except IsADirectoryError:
-        raise InputError(f"{path}: cannot be written: it is a folder") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
     finally:
-        if os.path.exists(name):
+        if name is not None and os.path.exists(name):
             os.unlink(name)

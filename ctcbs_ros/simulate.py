@@ -4,7 +4,6 @@ flight = simulate_flight(radius=80.0, speed=20.0, turns=6.0)
 write_tlog("flight.tlog", flight, latitude=47.4, longitude=8.5, position_noise=1.5)
 """
 
-import os
 import struct
 from dataclasses import dataclass
 from math import degrees, pi, radians
@@ -15,6 +14,7 @@ import numpy as np
 from pymavlink.dialects.v20 import all as dialect
 
 from ctcbs_ros.errors import InputError
+from ctcbs_ros.files import atomic_file
 from ctcbs_ros.geodesy import Datum, to_geodetic
 from ctcbs_ros.simulated_flight import SimulatedFlight, simulate_flight
 
@@ -95,16 +95,8 @@ def write_tlog(
     )  # fmt: skip
     received = (flight.time < gap_start) | (flight.time >= gap_start + gap_duration)
 
-    path = Path(path)
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with open(unfinished, "wb") as log:
-            _write(log, flight, measured, np.flatnonzero(received))
-        os.replace(unfinished, path)
-    except OSError as error:
-        raise InputError(f"log {path}: cannot be written: {error.strerror or error}") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
+    with atomic_file(path, "wb") as log:
+        _write(log, flight, measured, np.flatnonzero(received))
     return int(received.sum())
 
 

@@ -4,7 +4,7 @@ import csv
 import sys
 
 from ctcbs_ros.cli.output import print_json
-from ctcbs_ros.cli.steady import add_nondimensional, parameters_from
+from ctcbs_ros.cli.steady import add_flight, add_nondimensional, flight_from, parameters_from
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.files import atomic_file
 
@@ -27,12 +27,7 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--from", dest="low", type=float, required=True, metavar="X")
     parser.add_argument("--to", dest="high", type=float, required=True, metavar="X")
     add_nondimensional(parser)
-    flight = parser.add_argument_group("in SI units")
-    flight.add_argument("--config", metavar="FILE", help="configuration file")
-    flight.add_argument("--radius", type=float, metavar="M", help="tow radius [m]")
-    flight.add_argument("--speed", type=float, metavar="M/S", help="tow speed [m/s]")
-    flight.add_argument("--cable-length", type=float, metavar="M", help="cable paid out [m]")
-    flight.add_argument("--altitude", type=float, metavar="M", help="for the standard atmosphere")
+    add_flight(parser)
     parser.add_argument("--csv", metavar="FILE", help="write the points as CSV")
     parser.add_argument("--plot", metavar="FILE", help="draw the diagram (PNG, PDF or SVG)")
     parser.add_argument("--json", action="store_true", help="the result as JSON on stdout")
@@ -105,8 +100,6 @@ def _problem(args):
         # What varies need not be given; any point of the range will do to start from.
         if getattr(args, key) is None:
             setattr(args, key, args.low)
-        from ctcbs_ros.cli.steady import flight_from
-
         flight = flight_from(args)
         family, value = {
             "radius": (RADIUS_AT_SPEED, flight.radius),

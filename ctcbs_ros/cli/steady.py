@@ -22,15 +22,7 @@ def add_parser(subparsers) -> None:
         "Give the non-dimensional parameters, or a configuration with radius and speed.",
     )
     add_nondimensional(parser)
-    flight = parser.add_argument_group("in SI units")
-    flight.add_argument("--config", metavar="FILE", help="configuration file")
-    flight.add_argument("--radius", type=float, metavar="M", help="tow radius [m]")
-    flight.add_argument("--speed", type=float, metavar="M/S", help="tow speed [m/s]")
-    flight.add_argument("--cable-length", type=float, metavar="M", help="cable paid out [m]")
-    flight.add_argument(
-        "--altitude", type=float, metavar="M",
-        help="height above mean sea level for the standard atmosphere [m], default 0",
-    )
+    add_flight(parser)
     parser.add_argument(
         "--band", type=float,
         help="largest |Im| of an eigenvalue that counts, per radian of orbit "
@@ -56,6 +48,19 @@ def add_nondimensional(parser: argparse.ArgumentParser) -> None:
         ("damping", "time constant of the line's axial damping times Omega; default 0"),
     ):
         group.add_argument(f"--{name}", type=float, metavar="X", help=meaning)
+
+
+def add_flight(parser: argparse.ArgumentParser) -> None:
+    """Add a configuration and the flight it is taken on."""
+    group = parser.add_argument_group("in SI units")
+    group.add_argument("--config", metavar="FILE", help="configuration file")
+    group.add_argument("--radius", type=float, metavar="M", help="tow radius [m]")
+    group.add_argument("--speed", type=float, metavar="M/S", help="tow speed [m/s]")
+    group.add_argument("--cable-length", type=float, metavar="M", help="cable paid out [m]")
+    group.add_argument(
+        "--altitude", type=float, metavar="M",
+        help="height above mean sea level for the standard atmosphere [m], default 0",
+    )
 
 
 def parameters_from(args):

@@ -4,10 +4,8 @@ Whatever is not exactly a table of this version and of this configuration is ref
 command that rebuilds it.
 """
 
-import io
 import os
 import struct
-import tempfile
 import zipfile
 import zlib
 from dataclasses import fields
@@ -18,6 +16,7 @@ import numpy as np
 
 from ctcbs_ros.configuration import Configuration, configuration_hash
 from ctcbs_ros.errors import InputError
+from ctcbs_ros.files import atomic_file
 from ctcbs_ros.table.table import Table
 
 FORMAT = "ctcbs_ros table"
@@ -43,30 +42,19 @@ def save_table(table: Table, configuration: Configuration, path: str | Path) -> 
         If the file cannot be written.
     """
     path = Path(path)
-    buffer = io.BytesIO()
-    np.savez_compressed(
-        buffer,
-        format=np.array(FORMAT),
-        format_version=np.array(FORMAT_VERSION),
-        configuration_hash=np.array(configuration_hash(configuration)),
-        source=np.array(Path(configuration.source).name),
-        **{field.name: np.asarray(getattr(table, field.name)) for field in fields(table)},
-    )
-    temporary = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "wb") as file:
-            file.write(buffer.getvalue())
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
     except OSError as error:
-        raise InputError(f"{path}: the table cannot be written: {error.strerror}") from None
-    finally:
-        if temporary is not None and os.path.exists(temporary):
-            os.unlink(temporary)
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    with atomic_file(path, "wb") as file:
+        np.savez_compressed(
+            file,
+            format=np.array(FORMAT),
+            format_version=np.array(FORMAT_VERSION),
+            configuration_hash=np.array(configuration_hash(configuration)),
+            source=np.array(Path(configuration.source).name),
+            **{field.name: np.asarray(getattr(table, field.name)) for field in fields(table)},
+        )
 
 
 def writable(path: str | Path) -> None:
