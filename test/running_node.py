@@ -92,13 +92,25 @@ class RunningNode:
         while (left := until - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
 
-    def call(self, service_type, name, request, timeout=DISCOVERY):
-        """Call a service of the node."""
+    def call(self, service_type, name, request, timeout=DISCOVERY, again=2.0):
+        """Call a service of the node; asked again where an answer is lost.
+
+        A client sees a service before the service sees the client, and an answer to a client that
+        is not seen yet is dropped by rmw_fastrtps after 0.1 s ("client will not receive
+        response"). Requests here set or get a value, so that asking twice changes nothing.
+        """
         client = self.observer.create_client(service_type, name)
         self.wait_until(client.service_is_ready, timeout)
-        future = client.call_async(request)
-        self.wait_until(future.done, timeout)
-        return future.result()
+        deadline = time.monotonic() + timeout
+        futures = []
+        while not any(future.done() for future in futures):
+            assert time.monotonic() < deadline, f"no answer; the node said: {self.output}"
+            assert self.process.poll() is None, f"the node ended: {self.output}"
+            futures.append(client.call_async(request))
+            asked = time.monotonic()
+            while not futures[-1].done() and time.monotonic() < asked + again:
+                self.spin(0.02)
+        return next(future for future in futures if future.done()).result()
 
     def end(self, *signals, timeout=20.0):
         """Send signals, 0.05 s apart; returns the exit code."""
