@@ -1,9 +1,6 @@
 """Computation of the continuation table, one row of tow radius at a time on every core."""
 
-import multiprocessing
-import os
-import threading
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from math import nan
 
 import numpy as np
@@ -16,6 +13,7 @@ from ctcbs_ros.solver.sensitivity import sensitivities
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import SteadyState, steady_states
 from ctcbs_ros.table.table import Table
+from ctcbs_ros.worker_pool import worker_pool
 
 NODES = 33
 # One state: the fields of the table in the order of `_describe`, the last ones in pairs.
@@ -47,9 +45,7 @@ def build_table(configuration: Configuration, nodes: int = NODES, progress: bool
     ground = configuration.limits.ground_level_amsl
     density = configuration.air.density_at(ground if np.isfinite(ground) else 0.0)
     rows: list = [None] * radius.size
-    # Spawned, not forked: the parent may run ROS's threads.
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(mp_context=context, initializer=_end_with_parent) as pool:
+    with worker_pool() as pool:
         jobs = {
             pool.submit(_row, configuration, float(a), speed, density): i
             for i, a in enumerate(radius)
@@ -57,15 +53,8 @@ def build_table(configuration: Configuration, nodes: int = NODES, progress: bool
         bar = tqdm(
             as_completed(jobs), total=len(jobs), desc="table", unit="row", disable=not progress
         )
-        try:
-            for job in bar:
-                rows[jobs[job]] = job.result()
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            # A worker may be compiling for ten seconds: the user has said stop.
-            for worker in multiprocessing.active_children():
-                worker.terminate()
-            raise
+        for job in bar:
+            rows[jobs[job]] = job.result()
     count = np.array([[len(node) for node in row] for row in rows])
     most = max(int(count.max()), 1)
     states = np.full((radius.size, speed.size, most, _WIDTH), nan)
@@ -84,15 +73,6 @@ def build_table(configuration: Configuration, nodes: int = NODES, progress: bool
         cable_length=configuration.cable.length, end_mass=configuration.end_mass.mass,
         count=count, **single, **pairs,
     )
-
-
-def _end_with_parent() -> None:
-    """End this worker when its parent is killed: the pool alone would wait for work for ever."""
-    def wait():
-        multiprocessing.parent_process().join()
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
 
 
 def _row(configuration: Configuration, radius: float, speeds: np.ndarray, density: float):

@@ -1,0 +1,39 @@
+"""Processes on every core, that end with their parent and stop at once when it is interrupted."""
+
+import multiprocessing
+import os
+import threading
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+
+
+@contextmanager
+def worker_pool() -> Iterator[ProcessPoolExecutor]:
+    """A pool of worker processes; whatever ends the block early ends them, too.
+
+    Yields
+    ------
+    ProcessPoolExecutor
+        With as many workers as there are cores.
+    """
+    # Spawned, not forked: the parent may run ROS's threads.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(mp_context=context, initializer=_end_with_parent) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            # A worker may be compiling for ten seconds: the user has said stop.
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
+
+
+def _end_with_parent() -> None:
+    """End this worker when its parent is killed: the pool alone would wait for work for ever."""
+    def wait():
+        multiprocessing.parent_process().join()
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
