@@ -69,6 +69,27 @@ def _blas() -> ThreadpoolController:
     return ThreadpoolController()
 
 
+def vibration_matrix(state: SteadyState, functions: int) -> np.ndarray:
+    """First-order matrix of the vibration in n functions a coordinate, (6 n, 6 n).
+
+    Parameters
+    ----------
+    state : SteadyState
+    functions : int
+    """
+    p = state.parameters
+    x, w = _quadrature(2 * functions + 8)
+    nodes = x * p.length
+    # 1e-8 is far below the 1 % asked of the margin, and cheaper than the steady state's own.
+    states = cable_states(p, state.end_mass_radius, nodes, 1e-8)
+    # Matrices this small only lose by a second BLAS thread, tenfold beside other work.
+    with _blas().limit(limits=1, user_api="blas"):
+        return assemble(
+            p.theta(state.end_mass_radius), p.length, p.gamma, p.elastic, p.damping,
+            functions, nodes, w * p.length, np.ascontiguousarray(states),
+        )
+
+
 def eigenvalues(state: SteadyState, functions: int) -> np.ndarray:
     """All 6 n eigenvalues of the vibration in n functions a coordinate, per radian of orbit.
 
@@ -81,17 +102,8 @@ def eigenvalues(state: SteadyState, functions: int) -> np.ndarray:
     -------
     (6 n,) complex ndarray
     """
-    p = state.parameters
-    x, w = _quadrature(2 * functions + 8)
-    nodes = x * p.length
-    # 1e-8 is far below the 1 % asked of the margin, and cheaper than the steady state's own.
-    states = cable_states(p, state.end_mass_radius, nodes, 1e-8)
-    # Matrices this small only lose by a second BLAS thread, tenfold beside other work.
+    a = vibration_matrix(state, functions)
     with _blas().limit(limits=1, user_api="blas"):
-        a = assemble(
-            p.theta(state.end_mass_radius), p.length, p.gamma, p.elastic, p.damping,
-            functions, nodes, w * p.length, np.ascontiguousarray(states),
-        )
         real, imag, _, _, info = dgeev(a, compute_vl=0, compute_vr=0, overwrite_a=1)
     if info != 0:
         raise ArithmeticError(f"no eigenvalues with {functions} functions (LAPACK info {info})")
