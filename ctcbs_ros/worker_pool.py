@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -19,7 +20,7 @@ def worker_pool() -> Iterator[ProcessPoolExecutor]:
     """
     # Spawned, not forked: the parent may run ROS's threads.
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(mp_context=context, initializer=_end_with_parent) as pool:
+    with _Pool(mp_context=context, initializer=_end_with_parent) as pool:
         try:
             yield pool
         except BaseException:
@@ -28,6 +29,21 @@ def worker_pool() -> Iterator[ProcessPoolExecutor]:
             for worker in multiprocessing.active_children():
                 worker.terminate()
             raise
+
+
+class _Pool(ProcessPoolExecutor):
+    """A pool whose workers never see SIGINT.
+
+    A terminal sends it to them as well, and each would print its traceback.
+    """
+
+    def submit(self, *call, **arguments):
+        """Submit a call; a worker that is started for it inherits the blocked signal."""
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            return super().submit(*call, **arguments)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _end_with_parent() -> None:

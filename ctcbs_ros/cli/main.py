@@ -7,7 +7,16 @@ import sys
 from collections.abc import Sequence
 
 from ctcbs_ros import __version__
-from ctcbs_ros.cli import branch, critical_drag, cusp, replay, simulate, steady, table
+from ctcbs_ros.cli import (
+    branch,
+    critical_drag,
+    cusp,
+    figures,
+    replay,
+    simulate,
+    steady,
+    table,
+)
 from ctcbs_ros.errors import InputError
 
 
@@ -50,7 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (steady, branch, cusp, critical_drag, table, replay, simulate):
+    for command in (steady, branch, cusp, critical_drag, figures, table, replay, simulate):
         command.add_parser(commands)
     return parser
 

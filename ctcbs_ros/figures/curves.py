@@ -1,0 +1,171 @@
+"""Rows of bifurcation diagrams: the branches of one curve with their events, and its jumps.
+
+A point is stable, or loses its steady state to flutter or to divergence. Divergence is judged by
+the slope of the tow-circle condition, which changes sign at a fold: the eigenvalues of a cable
+that is inextensible at rest but stretches as it vibrates pass through zero beside it.
+"""
+
+from itertools import pairwise
+from math import ceil, exp, hypot, log, nan
+
+from ctcbs_ros.figures.rows import Row
+from ctcbs_ros.solver.branches import ANGULAR_RATE, Family, Fold, landing
+from ctcbs_ros.solver.diagram import DiagramBranch, Event, diagram, first_minimum
+from ctcbs_ros.solver.parameters import Parameters
+from ctcbs_ros.solver.stability import stability
+from ctcbs_ros.solver.steady_state import correct_state
+
+COLUMNS = (
+    "kind", "curve", "branch", "omega", "length", "end_mass", "cable_drag", "drag_ratio",
+    "elasticity", "end_mass_radius", "growth_rate", "frequency", "stability", "event", "note",
+)
+STABLE, FLUTTER, DIVERGENCE = "stable", "flutter", "divergence"
+FOLD, HOPF, FIRST_MINIMUM = "fold", "Hopf point", "first minimum"
+_OSCILLATES = 1e-6
+# Distance of neighbouring points of a branch, over the width and a usual height of the figure.
+_GAP = 0.016
+_HEIGHT = 3.0
+
+
+def curve(
+    name: str, parameters: Parameters, family: Family, value: float, low: float, high: float
+) -> list[Row]:
+    """All branches of a range, one row a point, events among them where they are on the branch.
+
+    Parameters
+    ----------
+    name : str
+        Of the curve.
+    parameters : Parameters
+        At `value` of what varies.
+    family : Family
+        What varies.
+    value, low, high : float
+        As for `ctcbs_ros.solver.diagram.diagram`.
+
+    Returns
+    -------
+    list of dict
+        Of kind "branch", and of kind "jump" two rows for each fold in omega: from and to.
+    """
+    branches = diagram(parameters, family, value, low, high)
+    minimum = first_minimum(branches)
+    rows = []
+    for number, branch in enumerate(branches, 1):
+        named = {"kind": "branch", "curve": name, "branch": number}
+        rows += [
+            named | _parameters(family.at(parameters, log(point["value"] / value))) | point
+            for point in _points(parameters, family, value, low, high, branch, minimum)
+        ]
+    if family.omega == 1.0:
+        for branch in branches:
+            for event in branch.folds:
+                rows += _jump(name, parameters, value, branch, event)
+    return rows
+
+
+def _points(parameters, family, value, low, high, branch: DiagramBranch, minimum) -> list[Row]:
+    """Points and events in the order in which the branch passes them."""
+    points = []
+    for point in branch.points:
+        state = _state(parameters, family, value, point.value, point.end_mass_radius, 0.05)
+        # At a fold Newton's method stalls; the fold itself is among the events.
+        if state is None:
+            continue
+        here = _described(point.value, state, point.growth_rate, point.frequency)
+        if points:
+            points += _between(parameters, family, value, high - low, points[-1], here)
+        points.append(here)
+    events = [(event, FOLD) for event in branch.folds] + [(event, HOPF) for event in branch.hopf]
+    if minimum in branch.minima:
+        events.append((minimum, FIRST_MINIMUM))
+    for event, name in events:
+        i = _place(points, event)
+        points.insert(
+            i,
+            {
+                "value": event.value, "end_mass_radius": event.end_mass_radius,
+                "growth_rate": 0.0 if name == HOPF else nan,
+                "frequency": event.frequency if name == HOPF else nan,
+                # A marginal state is of neither side; a minimum is as its neighbours are.
+                "stability": points[i - 1]["stability"] if name == FIRST_MINIMUM else "",
+                "event": name,
+            },
+        )  # fmt: skip
+    return points
+
+
+def _between(parameters, family, value, width, a: Row, b: Row) -> list[Row]:
+    """States between two points of a branch that are too far apart for a smooth line."""
+    rise = log(b["end_mass_radius"] / a["end_mass_radius"])
+    run = log(b["value"] / a["value"])
+    higher = b["end_mass_radius"] - a["end_mass_radius"]
+    count = ceil(hypot((b["value"] - a["value"]) / width, higher / _HEIGHT) / _GAP)
+    states = []
+    for i in range(1, count):
+        varied = a["value"] * exp(run * i / count)
+        guess = a["end_mass_radius"] * exp(rise * i / count)
+        # The chord is this near to the branch: steps of a trace turn by less than 12 degrees.
+        state = _state(parameters, family, value, varied, guess, 0.1 * hypot(rise, run))
+        if state is not None:
+            damping = stability(state)
+            states.append(_described(varied, state, damping.growth_rate, damping.frequency))
+    return states
+
+
+def _state(parameters, family, value, varied, guess, max_step):
+    return correct_state(family.at(parameters, log(varied / value)), guess, max_step)
+
+
+def _described(varied, state, growth_rate, frequency) -> Row:
+    if state.slope < 0.0:
+        judged = DIVERGENCE
+    elif growth_rate < 0.0:
+        judged = STABLE
+    else:
+        judged = FLUTTER if frequency > _OSCILLATES else DIVERGENCE
+    return {
+        "value": varied, "end_mass_radius": state.end_mass_radius, "growth_rate": growth_rate,
+        "frequency": frequency, "stability": judged,
+    }  # fmt: skip
+
+
+def _place(points: list[Row], event: Event) -> int:
+    """Index before which an event belongs: where going over it is the least detour."""
+
+    def apart(a, b):
+        higher = log(a["end_mass_radius"] / b["end_mass_radius"])
+        return hypot(log(a["value"] / b["value"]), higher)
+
+    here = {"value": event.value, "end_mass_radius": event.end_mass_radius}
+    detours = [
+        apart(a, here) + apart(here, b) - apart(a, b)
+        for a, b in pairwise(points)
+    ]
+    return detours.index(min(detours)) + 1
+
+
+def _jump(name, parameters, value, branch: DiagramBranch, event: Event) -> list[Row]:
+    """From a fold to the stable state beyond it."""
+    near = min(branch.points, key=lambda p: abs(log(p.end_mass_radius / event.end_mass_radius)))
+    direction = 1 if near.value < event.value else -1
+    fold = Fold(log(event.value / value), event.end_mass_radius)
+    lands = landing(parameters, fold, ANGULAR_RATE, direction)
+    if lands is None:
+        return []
+    there = _parameters(lands.parameters) | {"omega": event.omega}
+    return [
+        {"kind": "jump", "curve": name, "end_mass_radius": radius, "note": note} | there
+        for radius, note in ((event.end_mass_radius, "from"), (lands.end_mass_radius, "to"))
+    ]
+
+
+def _parameters(parameters: Parameters) -> Row:
+    return {
+        "omega": parameters.omega,
+        "length": parameters.length,
+        "end_mass": parameters.end_mass,
+        "cable_drag": parameters.cable_drag,
+        "drag_ratio": parameters.drag_ratio,
+        "elasticity": parameters.elasticity,
+    }
