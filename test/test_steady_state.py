@@ -123,6 +123,22 @@ def test_newton_returns_to_a_state_from_a_guess_near_it_and_refuses_a_far_one():
     assert correct_state(p, 20.0) is None
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-4, -2e-3, 0.03])
+@pytest.mark.parametrize(
+    "point", [figure_3_1(10.0, 1.6), design(250.0), design(100.0), STRETCHED],
+    ids=["figure 3.1", "design", "design, tight", "stretched"],
+)  # fmt: skip
+def test_a_corrected_guess_is_the_root_that_scipy_finds_to_eight_digits(point, off):
+    (radius,) = brute_force(point)
+    state = correct_state(parameters(point), radius * (1.0 + off))
+    assert state.end_mass_radius == pytest.approx(radius, rel=1e-8)
+    assert abs(residual(point, state.end_mass_radius, 1e-12)[0]) < 1e-8
+    # and described as if it had been found without a guess
+    (full,) = steady_states(parameters(point)).states
+    for name in ("depth", "phase_lag", "tension_end_mass", "tension_tow_point", "slope"):
+        assert getattr(state, name) == pytest.approx(getattr(full, name), rel=1e-7)
+
+
 def test_residual_is_that_of_an_independent_integration():
     p = parameters(figure_3_1(10.0))
     radius = steady_states(p).states[0].end_mass_radius

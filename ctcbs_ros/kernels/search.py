@@ -21,21 +21,36 @@ MAX_STRAIN = 3.0
 
 @njit(cache=True)
 def tow_circle(theta, length, u, tolerance, states, mesh):
-    """Return h(u), dh/du and the status of the integration at ln(end-mass radius) u.
+    """Evaluate the tow-circle condition at ln(end-mass radius) u.
 
-    theta : (8,), its x_d is overwritten; states : (1, 2, 6), mesh : (MAX_STEPS + 1,), work space.
+    Parameters
+    ----------
+    theta : (8,) array
+        Parameters; x_d is overwritten.
+    length, u, tolerance : float
+    states : (1, 2, 6) array
+        Work space.
+    mesh : (MAX_STEPS + 1,) array, written
+        Ends of the steps.
+
+    Returns
+    -------
+    h, slope : float
+        h(u) and dh/du.
+    status, steps, least_tension
+        Of the integration.
     """
     theta[X_D] = np.exp(u)
     directions = np.zeros((1, N_THETA))
     directions[0, X_D] = theta[X_D]
     nodes = np.array([length])
-    status, _, _ = integrate(theta, directions, nodes, tolerance, MAX_STEPS, states, mesh)
+    status, steps, least = integrate(theta, directions, nodes, tolerance, MAX_STEPS, states, mesh)
     x, y = states[0, 0, 0], states[0, 0, 1]
     h = x * x + y * y - 1.0
     slope = 2.0 * (x * states[0, 1, 0] + y * states[0, 1, 1])
     if status == OK and not (np.isfinite(h) and np.isfinite(slope)):
         status = 2
-    return h, slope, status
+    return h, slope, status, steps, least
 
 
 @njit(cache=True)
@@ -64,13 +79,13 @@ def smallest_radius(theta, length, tolerance, states, mesh):
     proportional to it; if it is then well inside the tow circle, no smaller radius reaches it.
     """
     u = np.log(1e-2)
-    h, slope, status = tow_circle(theta, length, u, tolerance, states, mesh)
+    h, slope, status, _, _ = tow_circle(theta, length, u, tolerance, states, mesh)
     for _ in range(40):
         linear = abs(slope - 2.0 * (h + 1.0)) < 0.2 * (h + 1.0) or h + 1.0 < 1e-12
         if status == OK and h < -0.8 and linear:
             break
         u -= 1.0
-        h, slope, status = tow_circle(theta, length, u, tolerance, states, mesh)
+        h, slope, status, _, _ = tow_circle(theta, length, u, tolerance, states, mesh)
     return u
 
 
@@ -80,7 +95,7 @@ def polish(theta, length, low, high, sign_low, tolerance, states, mesh):
     u = 0.5 * (low + high)
     iterations = 0
     for _ in range(60):
-        h, slope, status = tow_circle(theta, length, u, tolerance, states, mesh)
+        h, slope, status, _, _ = tow_circle(theta, length, u, tolerance, states, mesh)
         iterations += 1
         if status != OK:
             return u, iterations, False
@@ -96,37 +111,6 @@ def polish(theta, length, low, high, sign_low, tolerance, states, mesh):
             return u + step, iterations, True
         u = u + step if inside else 0.5 * (low + high)
     return u, iterations, False
-
-
-@njit(cache=True)
-def correct(theta, length, u, tolerance, max_iterations, max_step):
-    """Newton's method for h(u) = 0 from a guess near the root, the corrector in flight.
-
-    Returns
-    -------
-    u : float
-        ln(end-mass radius).
-    iterations : int
-    converged : bool
-        Last step below 1e-11, and no step longer than `max_step`.
-    slope : float
-        dh/du at the root; its sign tells on which side of a fold the state lies.
-    """
-    states = np.empty((1, 2, 6))
-    mesh = np.empty(MAX_STEPS + 1)
-    slope = 0.0
-    for i in range(max_iterations):
-        h, slope, status = tow_circle(theta, length, u, tolerance, states, mesh)
-        if status != OK or slope == 0.0:
-            return u, i + 1, False, slope
-        step = -h / slope
-        if abs(step) > max_step:
-            return u, i + 1, False, slope
-        u += step
-        # Newton's error squares: a step of 1e-6 leaves less than the integration's own error.
-        if abs(step) < 1e-6:
-            return u, i + 1, abs(h) < 1e-4, slope
-    return u, max_iterations, False, slope
 
 
 @njit(cache=True)
@@ -155,7 +139,7 @@ def _extremum(theta, length, a, b, da, tolerance, states, mesh):
     u, h = 0.5 * (a + b), 0.0
     for _ in range(60):
         u = 0.5 * (low + high)
-        h, slope, _ = tow_circle(theta, length, u, tolerance, states, mesh)
+        h, slope, _, _, _ = tow_circle(theta, length, u, tolerance, states, mesh)
         # slope da at a points toward zero: past zero means that two roots have been separated
         if h * da > 0.0 or high - low < 1e-10:
             break
@@ -200,11 +184,11 @@ def all_roots(theta, length, scan_tolerance, tolerance, roots):
     # A stack of intervals, the leftmost on top.
     stack = np.empty((400, 7))
     u1 = high
-    h1, d1, s1 = tow_circle(theta, length, u1, scan_tolerance, states, mesh)
+    h1, d1, s1, _, _ = tow_circle(theta, length, u1, scan_tolerance, states, mesh)
     top = 0
     for i in range(cells):
         u0 = high - (high - low) * (i + 1) / cells
-        h0, d0, s0 = tow_circle(theta, length, u0, scan_tolerance, states, mesh)
+        h0, d0, s0, _, _ = tow_circle(theta, length, u0, scan_tolerance, states, mesh)
         evaluations += 1
         if s0 != OK:
             failures += 1
@@ -226,7 +210,7 @@ def all_roots(theta, length, scan_tolerance, tolerance, roots):
         middle, hm, dm = 0.0, 0.0, 0.0
         if not known and width > 1e-7:
             middle = 0.5 * (a + b)
-            hm, dm, status = tow_circle(theta, length, middle, scan_tolerance, states, mesh)
+            hm, dm, status, _, _ = tow_circle(theta, length, middle, scan_tolerance, states, mesh)
             evaluations += 1
             if status != OK:
                 failures += 1

@@ -1,24 +1,20 @@
 """All steady states of a parameter point, and the correction of one from a guess."""
 
 from dataclasses import dataclass
-from math import atan2, log, pi
+from math import atan2, exp, hypot, log, pi
 
 import numpy as np
 
 from ctcbs_ros.errors import InputError
-from ctcbs_ros.kernels import search
-from ctcbs_ros.kernels.trajectory import N_THETA, OK, integrate, integrate_halved
+from ctcbs_ros.kernels import correction, search
+from ctcbs_ros.kernels.correction import RESIDUAL_LIMIT
+from ctcbs_ros.kernels.trajectory import N_THETA, OK, integrate
 from ctcbs_ros.solver.parameters import Parameters
 
 # Local error of an integration step. Scanning only counts roots; what is reported is integrated to
 # an error far below the residual of 1e-9 that it must have.
 SCAN_TOLERANCE = 1e-6
 TOLERANCE = 1e-11
-RESIDUAL_LIMIT = 1e-9
-# Tried in turn until the residual is met.
-_TOLERANCES = (TOLERANCE, 1e-1 * TOLERANCE, 1e-2 * TOLERANCE)
-# A correction of ln(end-mass radius) beyond this means another state, not a better integration.
-_LARGEST_MENDING = 1e-7
 _NO_DIRECTIONS = np.empty((0, N_THETA))
 _MOST_ROOTS = 64
 
@@ -158,68 +154,39 @@ def correct_state(parameters: Parameters, guess: float, max_step: float = 0.3):
     SteadyState or None
         None where Newton's method fails or goes further than `max_step`.
     """
-    start = log(guess)
-    u, _, converged, _ = search.correct(
-        parameters.theta(), parameters.length, start, TOLERANCE, 12, max_step
-    )
-    if not converged or abs(u - start) > max_step:
-        return None
-    state = describe(parameters, u)
+    theta, out = parameters.theta(), np.empty(correction.N_OUT)
+    good = correction.correct(theta, parameters.length, log(guess), max_step, out)
+    state = _state(parameters, out) if good else None
     return state if state is not None and state.converged else None
 
 
 def describe(parameters: Parameters, u: float) -> SteadyState | None:
-    """Everything about the state at u = ln(end-mass radius); None if the integration fails.
-
-    Where the cable nearly lies along its velocity at some point, |v_n| v_n bends sharply and a
-    step's error estimate can be too small: then the state is corrected with smaller steps.
-    """
-    state = None
-    for tolerance in _TOLERANCES:
-        state, miss = _integrated(parameters, u, tolerance)
-        if state is None or state.converged or abs(miss) > _LARGEST_MENDING * abs(state.slope):
-            break
-        u -= miss / state.slope
-    return state
+    """Everything about the state at u = ln(end-mass radius); None if the integration fails."""
+    theta, out = parameters.theta(), np.empty(correction.N_OUT)
+    good = correction.describe(theta, parameters.length, u, out)
+    return _state(parameters, out) if good else None
 
 
-def _integrated(parameters, u, tolerance) -> tuple[SteadyState | None, float]:
-    """The state at u and its signed residual."""
-    radius = float(np.exp(u))
-    theta = parameters.theta(radius)
-    directions = np.zeros((1, N_THETA))
-    directions[0, 0] = radius
-    states = np.empty((1, 2, 6))
-    mesh = np.empty(search.MAX_STEPS + 1)
-    nodes = np.array([parameters.length])
-    status, steps, least = integrate(
-        theta, directions, nodes, tolerance, search.MAX_STEPS, states, mesh
-    )
-    if status != OK:
-        return None, np.inf
-    end = integrate_halved(theta, mesh, steps)
-    miss = end[0] ** 2 + end[1] ** 2 - 1.0
-    residual = abs(miss)
-    first = np.array(
-        [
-            theta[1] ** 2 * theta[2] * radius,
-            theta[1] ** 2 * theta[5] * radius**2,
-            theta[3],
-        ]
-    )
-    state = SteadyState(
+def _state(parameters: Parameters, out: np.ndarray) -> SteadyState:
+    """What `ctcbs_ros.kernels.correction` has found."""
+    u, miss, slope, least_tension, x, y, z, f_x, f_y, f_z = out.tolist()
+    radius, square = exp(u), parameters.omega**2
+    return SteadyState(
         parameters=parameters,
         end_mass_radius=radius,
-        depth=float(end[2]),
-        phase_lag=_positive_angle(atan2(end[1], end[0])),
-        tension_end_mass=float(np.linalg.norm(first)),
-        tension_tow_point=float(np.linalg.norm(end[3:])),
-        least_tension=float(least),
-        residual=float(residual),
-        slope=float(2.0 * (states[0, 0, :2] @ states[0, 1, :2])),
-        converged=bool(residual < RESIDUAL_LIMIT),
+        depth=z,
+        phase_lag=_positive_angle(atan2(y, x)),
+        tension_end_mass=hypot(
+            square * parameters.end_mass * radius,
+            square * parameters.end_mass_drag * radius**2,
+            parameters.end_weight,
+        ),
+        tension_tow_point=hypot(f_x, f_y, f_z),
+        least_tension=least_tension,
+        residual=abs(miss),
+        slope=slope,
+        converged=abs(miss) < RESIDUAL_LIMIT,
     )
-    return state, miss
 
 
 def _positive_angle(angle: float) -> float:
