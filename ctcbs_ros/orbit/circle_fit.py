@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ctcbs_ros.kernels.circle import refine_circle
+
 # Huber's constant: 95 % efficiency for normal errors (Huber and Ronchetti, Robust Statistics).
 HUBER = 1.345
-_ITERATIONS = 30
 # A velocity late by its receiver's filter is off by far more than its stated error, all around the
 # circle: beyond this many deviations all velocities are believed less.
 _LATE = 2.0
@@ -107,45 +108,15 @@ def fit_circle(
         start = algebraic_circle(points)
         if start is None:
             return None
-    center, radius = np.array(start[0], float), float(start[1])
-    moving = np.isfinite(velocities[:, 0])
-    v = velocities[moving]
-    n = len(points)
-    jacobian = np.zeros((n + len(v), 3))
-    converged, first = False, True
-    for _ in range(_ITERATIONS):
-        offset = points - center
-        distance = np.hypot(offset[:, 0], offset[:, 1])
-        if np.any(distance < 1e-6):
-            return None
-        unit = offset / distance[:, None]
-        radial = distance - radius
-        along = np.sum(v * unit[moving], axis=1)
-        if first:
-            first = False
-            late = np.median(np.abs(along) / velocity_sigma[moving]) / _LATE if len(v) else 0.0
-            sigma = np.concatenate([position_sigma, velocity_sigma[moving] * max(1.0, late)])
-        residual = np.concatenate([radial, along]) / sigma
-        jacobian[:n, :2] = -unit
-        jacobian[:n, 2] = -1.0
-        # d(v.unit)/d center = -(v - (v.unit) unit)/distance
-        jacobian[n:, :2] = -(v - along[:, None] * unit[moving]) / distance[moving][:, None]
-        weight = np.minimum(1.0, HUBER / np.maximum(np.abs(residual), 1e-12))
-        scaled = jacobian * (np.sqrt(weight) / sigma)[:, None]
-        normal = scaled.T @ scaled
-        try:
-            step = np.linalg.solve(normal, -scaled.T @ (np.sqrt(weight) * residual))
-        except np.linalg.LinAlgError:
-            return None
-        center, radius = center + step[:2], radius + step[2]
-        if not radius > 0.0 or not np.all(np.isfinite(center)):
-            return None
-        if np.linalg.norm(step) < 3e-4 * radius:
-            converged = True
-            break
+    points = np.ascontiguousarray(points)
+    circle = np.array([*start[0], start[1]], float)
+    radial = np.empty(len(points))
+    covariance = np.empty((3, 3))
+    inflation, converged = refine_circle(
+        points, np.ascontiguousarray(velocities), np.ascontiguousarray(position_sigma),
+        np.ascontiguousarray(velocity_sigma), HUBER, _LATE, circle, radial, covariance,
+    )
     if not converged:
         return None
-    radial = np.hypot(*(points - center).T) - radius
-    used = np.sum(weight * residual**2) / max(weight.sum() - 3.0, 1.0)
-    inflation = max(1.0, float(used))
-    return CircleFit(center, radius, radial, np.linalg.inv(normal) * inflation, inflation)
+    inflation = max(1.0, inflation)
+    return CircleFit(circle[:2], float(circle[2]), radial, covariance * inflation, inflation)

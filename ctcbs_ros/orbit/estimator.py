@@ -6,10 +6,18 @@ Where the whole window is not on one circle (a radius just changed) a shorter on
 """
 
 from dataclasses import dataclass
-from math import atan2, hypot, isfinite, nan, pi
+from math import atan2, hypot, isfinite, nan, pi, sqrt
 
 import numpy as np
 
+from ctcbs_ros.kernels.circle import (
+    continuous_angles,
+    mean_rate,
+    newest_offset,
+    progress,
+    trend,
+)
+from ctcbs_ros.kernels.regression import line
 from ctcbs_ros.orbit.circle_fit import CircleFit, fit_circle
 from ctcbs_ros.orbit.orbit import Orbit
 
@@ -234,15 +242,22 @@ class OrbitEstimator:
         if fit is None:
             return OrbitFix(None, "the track is not a circle")
         time = rows[:, _TIME]
-        angle = _angles(points - fit.center, time, self._rate)
+        angle = np.empty(len(rows))
+        continuous_angles(
+            points, *fit.center, time, self._rate if isfinite(self._rate) else 0.0, angle
+        )
         arc = angle[-1] - angle[0]
         sense = 1 if arc > 0.0 else -1
         arc = abs(arc)
         reason = self._objection(fit, rows, angle, arc, sense)
         if reason:
             return OrbitFix(None, reason)
-        rate, rate_variance = _mean_rate(time, angle, rows, fit, arc)
-        if rate * sense <= 0.0 or abs(rate) * fit.radius < s.minimum_speed:
+        # In wind the rate varies once a turn. Over a whole turn that variation is fitted beside
+        # the mean; over less it cannot be told from the mean, and the residuals' scatter says so.
+        rate, rate_variance = mean_rate(
+            time, angle, rows[:, _SP] / fit.radius, arc > 0.95 * _TURN
+        )
+        if not rate * sense > 0.0 or abs(rate) * fit.radius < s.minimum_speed:
             return OrbitFix(None, "the angle about the centre does not advance")
         phase, phase_variance = _phase(time, angle, rows, fit, abs(rate))
         up, climb, up_variance = _height(time, rows)
@@ -283,27 +298,21 @@ class OrbitEstimator:
         if rms > allowed:
             return f"the track is {rms:.1f} m (rms) off the best circle of {fit.radius:.0f} m"
         # The newest eighth of a turn must be on the circle: the aircraft may just be leaving it.
-        newest = np.abs(angle - angle[-1]) < 0.08 * _TURN
-        newest[-3:] = True
-        off = abs(float(np.median(fit.radial[newest])))
-        if off > max(3.0 * sigma / np.sqrt(newest.sum()), 1.0) + s.residual_share * fit.radius:
-            return f"the aircraft is {off:.1f} m off the circle flown so far"
-        slope = np.polyfit(np.abs(angle - angle[0]), fit.radial, 1)[0]
-        noise = 4.0 * sigma / (np.sqrt(len(rows) / 12.0) * arc)
-        if abs(slope) * _TURN > s.trend_share * fit.radius + noise * _TURN:
-            return f"a spiral: the radius changes by {slope * _TURN:+.0f} m a turn"
-        believed = np.abs(fit.radial) < 5.0 * allowed
-        steps = np.diff(angle[believed]) * sense
-        duration = np.diff(rows[believed, _TIME])
-        quiet = 3.0 * np.sqrt(2.0) * sigma / fit.radius
+        off, count = newest_offset(fit.radial, angle, 0.08 * _TURN)
+        if abs(off) > max(3.0 * sigma / sqrt(count), 1.0) + s.residual_share * fit.radius:
+            return f"the aircraft is {abs(off):.1f} m off the circle flown so far"
+        change = trend(fit.radial, angle)
+        noise = 4.0 * sigma / (sqrt(len(rows) / 12.0) * arc)
+        if abs(change) > s.trend_share * fit.radius + noise * _TURN:
+            return f"a spiral: the radius changes by {change:+.0f} m a turn"
+        quiet = 3.0 * sqrt(2.0) * sigma / fit.radius
+        back, newest, broken = progress(
+            fit.radial, angle, rows[:, _TIME], sense, arc, 5.0 * allowed, quiet
+        )
         # Over the newest steps together, noise does not hide which way the aircraft turns.
-        if np.mean(steps < -quiet) > 0.1 or steps[-5:].sum() < -quiet:
+        if back > 0.1 or newest < -quiet:
             return "the sense of rotation changes"
-        # In strong wind the rate along a circle held over the ground is up to twice its mean.
-        usual = arc / duration.sum() * duration
-        if np.any(steps > 2.0 * usual + quiet + 0.3):
-            return "the track is broken"
-        return ""
+        return "the track is broken" if broken else ""
 
 
 def _newest(rows: np.ndarray, angle: float) -> np.ndarray:
@@ -312,53 +321,18 @@ def _newest(rows: np.ndarray, angle: float) -> np.ndarray:
     return rows[np.argmax(turned <= angle * 1.0001) :]
 
 
-def _angles(offset: np.ndarray, time: np.ndarray, rate: float) -> np.ndarray:
-    """Continuous angle about the centre, carried across gaps at the last known rate [rad/s]."""
-    raw = np.arctan2(offset[:, 1], offset[:, 0])
-    expected = np.diff(time) * (rate if isfinite(rate) else 0.0)
-    steps = (np.diff(raw) - expected + pi) % _TURN - pi + expected
-    return np.concatenate([raw[:1], raw[0] + np.cumsum(steps)])
-
-
-def _mean_rate(time, angle, rows, fit, arc) -> tuple[float, float]:
-    """Mean angular rate [rad/s] and its variance, of the angle against time.
-
-    In wind the rate varies once a turn. Over a whole turn that variation is fitted beside the
-    mean; over less it cannot be told from the mean, and the scatter of the residuals says so.
-    """
-    t = time - time[-1]
-    columns = [np.ones_like(t), t]
-    if arc > 0.95 * _TURN:
-        columns += [np.cos(angle), np.sin(angle)]
-    design = np.column_stack(columns)
-    weight = fit.radius / rows[:, _SP]
-    scaled = design * weight[:, None]
-    solution, *_ = np.linalg.lstsq(scaled, angle * weight, rcond=None)
-    residual = (angle - design @ solution) * weight
-    inflation = max(1.0, float(residual @ residual) / max(len(t) - design.shape[1], 1))
-    covariance = np.linalg.pinv(scaled.T @ scaled) * inflation
-    return float(solution[1]), float(covariance[1, 1])
-
-
 def _phase(time, angle, rows, fit, rate) -> tuple[float, float]:
     """Angle at the newest sample and its variance, from the newest part of the turn."""
     newest = time > time[-1] - 0.12 * _TURN / rate
     newest[-3:] = True
-    t, phi = time[newest] - time[-1], angle[newest]
-    sigma = rows[newest, _SP] / fit.radius
-    design = np.column_stack([np.ones_like(t), t]) / sigma[:, None]
-    solution, *_ = np.linalg.lstsq(design, phi / sigma, rcond=None)
-    covariance = np.linalg.pinv(design.T @ design) * fit.inflation
-    of_center = np.trace(fit.covariance[:2, :2]) / (2.0 * fit.radius**2)
-    return float(solution[0]), float(covariance[0, 0] + of_center)
+    weight = (fit.radius / rows[newest, _SP]) ** 2
+    phase, _, variance, _, _ = line(time[newest] - time[-1], angle[newest], weight)
+    of_center = (fit.covariance[0, 0] + fit.covariance[1, 1]) / (2.0 * fit.radius**2)
+    return phase, variance * fit.inflation + of_center
 
 
 def _height(time, rows) -> tuple[float, float, float]:
     """Height at the newest sample [m], climb rate [m/s] and the variance of the height."""
-    t = time - time[-1]
-    design = np.column_stack([np.ones_like(t), t])
-    solution, *_ = np.linalg.lstsq(design, rows[:, _U], rcond=None)
-    residual = rows[:, _U] - design @ solution
-    variance = max(float(residual @ residual) / max(len(t) - 2, 1), float(rows[-1, _SP]) ** 2)
-    spread = float(np.linalg.pinv(design.T @ design)[0, 0])
-    return float(solution[0]), float(solution[1]), variance * spread
+    up, climb, spread, _, squares = line(time - time[-1], rows[:, _U], np.ones(len(rows)))
+    variance = max(squares / max(len(rows) - 2, 1), rows[-1, _SP] ** 2)
+    return up, climb, variance * spread

@@ -1,0 +1,149 @@
+"""Compiled regressions and the circle fit against numpy and scipy."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares as scipy_least_squares
+
+from ctcbs_ros.kernels.circle import continuous_angles, mean_rate, newest_offset, progress, trend
+from ctcbs_ros.kernels.regression import invert_normal, least_squares, line
+from ctcbs_ros.orbit.circle_fit import HUBER, fit_circle
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 6])
+def test_the_inverse_of_a_normal_matrix_is_that_of_numpy(size):
+    random = np.random.default_rng(size)
+    half = random.normal(size=(size + 2, size))
+    normal, inverse = half.T @ half, np.empty((size, size))
+    assert invert_normal(normal, inverse)
+    assert inverse == pytest.approx(np.linalg.inv(normal), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "normal", [np.zeros((2, 2)), np.ones((2, 2)), -np.eye(3), np.full((2, 2), np.nan)]
+)
+def test_a_matrix_that_is_not_positive_definite_is_refused(normal):
+    assert not invert_normal(normal, np.empty_like(normal))
+
+
+def test_least_squares_and_line_are_those_of_numpy():
+    random = np.random.default_rng(1)
+    x, weight = np.sort(random.uniform(-30.0, 0.0, 50)), random.uniform(0.5, 2.0, 50)
+    y = 3.0 - 0.2 * x + random.normal(0.0, 0.1, 50)
+    design = np.column_stack([np.ones(50), x])
+    root = np.sqrt(weight)
+    expected, residual, *_ = np.linalg.lstsq(design * root[:, None], y * root, rcond=None)
+    covariance = np.linalg.inv((design.T * weight) @ design)
+
+    solution, inverse = np.empty(2), np.empty((2, 2))
+    squares, determined = least_squares(design, y, weight, solution, inverse)
+    assert determined
+    assert solution == pytest.approx(expected, rel=1e-9)
+    assert inverse == pytest.approx(covariance, rel=1e-9)
+    assert squares == pytest.approx(residual[0], rel=1e-9)
+
+    at_zero, slope, of_zero, of_slope, left = line(x, y, weight)
+    assert [at_zero, slope] == pytest.approx(expected, rel=1e-9)
+    assert [of_zero, of_slope] == pytest.approx(np.diag(covariance), rel=1e-9)
+    assert left == pytest.approx(residual[0], rel=1e-9)
+
+
+def test_columns_that_depend_on_each_other_determine_nothing():
+    design = np.column_stack([np.ones(9), np.arange(9.0), 1.0 + 2.0 * np.arange(9.0)])
+    _, determined = least_squares(
+        design, np.arange(9.0), np.ones(9), np.empty(3), np.empty((3, 3))
+    )
+    assert not determined
+
+
+def track(count=80, turns=0.8, noise=1.0, seed=0):
+    """Positions and velocities about (30, -20) at radius 100, anticlockwise, and their angles."""
+    random = np.random.default_rng(seed)
+    angle = np.linspace(2.0, 2.0 + 2.0 * np.pi * turns, count)
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    along = np.column_stack([-out[:, 1], out[:, 0]])
+    points = (30.0, -20.0) + 100.0 * out + random.normal(0.0, noise, (count, 2))
+    return points, 20.0 * along + random.normal(0.0, 0.2 * noise, (count, 2)), angle
+
+
+@pytest.mark.parametrize("with_velocities", [True, False])
+def test_the_circle_has_the_least_huber_loss_that_scipy_finds(with_velocities):
+    points, velocities, _ = track()
+    points[[10, 40]] += 25.0  # glitches, for the robust loss to matter
+    velocities[::3] = np.nan
+    if not with_velocities:
+        velocities[:] = np.nan
+    known = np.isfinite(velocities[:, 0])
+
+    def residuals(circle):
+        offset = points - circle[:2]
+        distance = np.hypot(*offset.T)
+        along = np.sum(velocities * offset, axis=1)[known] / distance[known]
+        return np.concatenate([(distance - circle[2]) / 1.0, along / 0.2])
+
+    reference = scipy_least_squares(
+        residuals, [0.0, 0.0, 80.0], loss="huber", f_scale=HUBER, x_scale=100.0, xtol=1e-14
+    )
+    fit = fit_circle(points, velocities, np.full(80, 1.0), np.full(80, 0.2))
+    # The fit ends at a step of 3e-4 radii, 0.03 m.
+    assert [*fit.center, fit.radius] == pytest.approx(reference.x, abs=0.03)
+    expected = np.hypot(*(points - fit.center).T) - fit.radius
+    assert fit.radial == pytest.approx(expected, abs=1e-9)
+
+
+def test_points_on_a_line_have_no_circle():
+    points = np.column_stack([np.linspace(0.0, 100.0, 20), np.zeros(20)])
+    nothing = np.full((20, 2), np.nan)
+    assert fit_circle(points, nothing, np.ones(20), np.ones(20)) is None
+
+
+def test_angles_go_on_through_full_turns_and_across_a_gap():
+    points, _, angle = track(count=200, turns=3.2, noise=0.0)
+    time = np.linspace(0.0, 100.0, 200)
+    rate = (angle[-1] - angle[0]) / 100.0
+    kept = np.r_[0:60, 140:200]  # 1.3 turns missing
+    found = np.empty(kept.size)
+    continuous_angles(points[kept], 30.0, -20.0, time[kept], rate, found)
+    assert found == pytest.approx(angle[kept], abs=1e-9)
+
+
+def test_the_mean_rate_is_free_of_what_wind_does_once_a_turn():
+    angle = np.linspace(0.0, 2.2 * np.pi, 100)
+    # Ground speed 1 + 0.3 sin(angle) over the mean: time is the integral of its inverse.
+    fine = np.linspace(0.0, 2.0 * np.pi, 20_001)
+    slowness = 1.0 / (1.0 + 0.3 * np.sin(fine))
+    turn = np.mean(slowness[:-1]) * 2.0 * np.pi
+    time = np.interp(angle, np.linspace(0.0, 4.0 * np.pi, 40_001), np.concatenate(
+        [[0.0], np.cumsum(np.tile(slowness[:-1], 2))]
+    ) * (2.0 * np.pi / 20_000))
+    mean = 2.0 * np.pi / turn
+    with_harmonic, _ = mean_rate(time, angle, np.full(100, 0.01), True)
+    without, variance = mean_rate(time, angle, np.full(100, 0.01), False)
+    assert with_harmonic == pytest.approx(mean, rel=0.02)
+    assert abs(without - mean) > abs(with_harmonic - mean)
+    design = np.column_stack([np.ones(100), time])
+    solution, residual, *_ = np.linalg.lstsq(design, angle, rcond=None)
+    assert without == pytest.approx(solution[1], rel=1e-9)
+    expected = np.linalg.inv(design.T @ design)[1, 1] * residual[0] / 98
+    assert variance == pytest.approx(max(expected, 0.0), rel=1e-6)
+
+
+def test_offset_trend_and_progress_of_a_track():
+    random = np.random.default_rng(5)
+    angle = np.linspace(0.0, 6.0, 50)
+    radial = 0.5 + 2.0 * angle / (2.0 * np.pi) + random.normal(0.0, 0.01, 50)
+    assert trend(radial, angle) == pytest.approx(
+        np.polyfit(angle, radial, 1)[0] * 2.0 * np.pi, rel=1e-9
+    )
+    near = angle > 6.0 - 0.5
+    off, count = newest_offset(radial, angle, 0.5)
+    assert (off, count) == (pytest.approx(np.median(radial[near])), near.sum())
+
+    time, quiet = np.arange(50.0), 0.01
+    even = progress(radial, angle, time, 1, 6.0, 10.0, quiet)
+    assert even[0] == 0.0
+    assert not even[2]
+    assert even[1] == pytest.approx(angle[-1] - angle[-6])
+    assert progress(radial, angle, time, -1, 6.0, 10.0, quiet)[0] == 1.0
+    leap = angle + 1.0 * (time > 25.0)
+    assert progress(radial, leap, time, 1, 7.0, 10.0, quiet)[2]
+    assert not progress(radial, leap, time + 12.0 * (time > 25.0), 1, 7.0, 10.0, quiet)[2]
