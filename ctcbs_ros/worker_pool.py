@@ -24,10 +24,11 @@ def worker_pool() -> Iterator[ProcessPoolExecutor]:
         try:
             yield pool
         except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
             # A worker may be compiling for ten seconds: the user has said stop.
             for worker in multiprocessing.active_children():
                 worker.terminate()
+            # Waited for: a pool left behind complains of its closed pipe when Python exits.
+            pool.shutdown(cancel_futures=True)
             raise
 
 
