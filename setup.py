@@ -35,6 +35,7 @@ setup(
     maintainer="ctcbs_ros maintainers",
     maintainer_email="maintainers@ctcbs-ros.invalid",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={f"{NAME}.bench": ["*.c"]},
     python_requires=">=3.10",
     install_requires=[
         "numpy>=1.26",

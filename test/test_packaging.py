@@ -23,7 +23,7 @@ DRONE = REPOSITORY / "config" / "small_drone.yaml"
 # The two ends of the architecture: only these know ROS or MAVLink ...
 EDGES = (
     "nodes/", "telemetry/mavlink.py", "telemetry/dataflash.py", "simulate.py",
-    "replay/through_node.py",
+    "replay/through_node.py", "bench/peer_mavlink.py", "bench/peer_node.py",
 )
 # ... and only these join them to the core.
 JOINTS = ("cli/", "replay/", "telemetry/source.py", "__main__.py")

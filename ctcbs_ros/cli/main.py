@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from ctcbs_ros import __version__
 from ctcbs_ros.cli import (
+    bench,
     branch,
     critical_drag,
     cusp,
@@ -59,7 +60,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (steady, branch, cusp, critical_drag, figures, table, replay, simulate):
+    for command in (steady, branch, cusp, critical_drag, figures, table, replay, simulate, bench):
         command.add_parser(commands)
     return parser
 

@@ -1,0 +1,1 @@
+"""Speed and memory, each figure beside what people would use instead (`ctcbs bench`)."""

@@ -1,0 +1,160 @@
+"""Peer: MoorDyn, a lumped-mass code for moorings, on a cable towed round a circle in SI.
+
+Its sea has the density of air and is deep enough, the line's added mass and tangential drag are
+zero, and its top end is moved along the circle. The line starts hanging at rest; where it settles,
+MoorDyn has found by itself.
+"""
+
+import os
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import atan2, cos, hypot, pi, sin, sqrt
+from pathlib import Path
+
+import numpy as np
+
+from ctcbs_ros.atmosphere import GRAVITY
+from ctcbs_ros.solver.parameters import Parameters
+
+RADIUS, MASS_PER_LENGTH, AIR, DIAMETER = 100.0, 0.01, 1.2, 1e-3
+TOW_HEIGHT = -500.0  # below MoorDyn's free surface
+RAMP = 60.0  # s, from rest to the full rate
+# What the sea takes off the line's weight.
+DENSITY = 1.0 - AIR * pi / 4.0 * DIAMETER**2 / MASS_PER_LENGTH
+
+INPUT = """A towed line
+---------------------- LINE TYPES ----------------------
+TypeName Diam Mass/m EA BA EI Cd Ca CdAx CaAx
+(name) (m) (kg/m) (N) (N-s) (N-m^2) (-) (-) (-) (-)
+tow {diameter} {mu} {stiffness} {damping} 0 {drag} 0 0 0
+---------------------- POINTS ----------------------
+ID Attachment X Y Z Mass Volume CdA Ca
+(#) (word/ID) (m) (m) (m) (kg) (m^3) (m^2) (-)
+1 Free {radius} 0 {bottom} {mass} 0 {end_drag} 0
+2 Coupled {radius} 0 {top} 0 0 0 0
+---------------------- LINES ----------------------
+ID LineType AttachA AttachB UnstrLen NumSegs LineOutputs
+(#) (name) (ID) (ID) (m) (-) (-)
+1 tow 1 2 {length} {segments} -
+---------------------- OPTIONS ----------------------
+0 writeLog
+{step} dtM
+rk4 tScheme
+{gravity} g
+{air} rho
+3000 WtrDpth
+1 disableOutput
+1 disableOutTime
+---------------------- END ----------------------
+"""
+
+
+@dataclass(frozen=True)
+class Towed:
+    """A flight.
+
+    Attributes
+    ----------
+    rate : float
+        Angular rate of the tow point [rad/s].
+    damping : float
+        The line's dashpots, as `Parameters.damping`.
+    history : (n, 4) ndarray
+        Angle flown [rad], non-dimensional radius and depth and lag of the mass, every 0.1 s.
+    """
+
+    rate: float
+    damping: float
+    history: np.ndarray
+
+    @property
+    def end(self) -> np.ndarray:
+        """End-mass radius, depth and lag at the end."""
+        return self.history[-1, 1:]
+
+
+def tow(folder: Path, parameters: Parameters, segments: int, duration: float,
+        step: float = 0.01, damping: float = 17.0) -> Towed:  # fmt: skip
+    """Tow a line of an elastic parameter point for a number of seconds.
+
+    Parameters
+    ----------
+    folder : Path
+        For MoorDyn's input.
+    parameters : Parameters
+        Its `density` is replaced by `DENSITY`.
+    segments : int
+    duration, step : float
+        [s]
+    damping : float
+        Of the line's axial dashpots, BA [N s].
+    """
+    import moordyn
+
+    p, a, mu = parameters, RADIUS, MASS_PER_LENGTH
+    rate = p.omega * sqrt(GRAVITY / a)
+    stiffness = p.elasticity * mu * a * GRAVITY
+    stretch = 1.0 + (p.end_mass + p.length) / p.elasticity
+    file = folder / "tow.txt"
+    file.write_text(
+        INPUT.format(
+            diameter=DIAMETER, mu=mu, stiffness=stiffness, damping=damping, radius=a,
+            drag=p.cable_drag * mu / (0.5 * AIR * DIAMETER * a), length=p.length * a,
+            bottom=TOW_HEIGHT - stretch * p.length * a, top=TOW_HEIGHT, mass=p.end_mass * mu * a,
+            end_drag=p.end_mass_drag * mu / (0.5 * AIR), segments=segments, step=step,
+            gravity=GRAVITY, air=AIR,
+        )
+    )  # fmt: skip
+    with _quiet():
+        system = moordyn.Create(str(file))
+    try:
+        history = _flown(moordyn, system, rate, duration, step)
+    finally:
+        with _quiet():
+            moordyn.Close(system)
+    return Towed(rate, damping / stiffness * rate, history)
+
+
+def _angle(rate, t):
+    return rate * (t * t / (2.0 * RAMP) if t < RAMP else t - 0.5 * RAMP)
+
+
+def _tow_point(rate, t):
+    angle = _angle(rate, t)
+    return [RADIUS * cos(angle), RADIUS * sin(angle), TOW_HEIGHT]
+
+
+def _flown(moordyn, system, rate, duration, step):
+    moordyn.SetVerbosity(system, moordyn.LEVEL_NONE)
+    here = _tow_point(rate, 0.0)
+    with _quiet():
+        if moordyn.Init(system, here, [0.0, 0.0, 0.0]) != 0:
+            raise ArithmeticError("MoorDyn found no initial state")
+    mass = moordyn.GetPoint(system, 1)
+    every = round(0.1 / step)
+    history = []
+    for i in range(round(duration / step)):
+        there = _tow_point(rate, (i + 1) * step)
+        velocity = [(b - a) / step for a, b in zip(here, there, strict=True)]
+        moordyn.Step(system, here, velocity, i * step, step)
+        here = there
+        if (i + 1) % every == 0:
+            x, y, z = moordyn.GetPointPos(mass)
+            angle = _angle(rate, (i + 1) * step)
+            lag = (angle - atan2(y, x)) % (2.0 * pi)
+            history.append((angle, hypot(x, y) / RADIUS, (TOW_HEIGHT - z) / RADIUS, lag))
+    return np.array(history)
+
+
+@contextmanager
+def _quiet():
+    """MoorDyn's banner goes to the process's standard output, where results belong."""
+    saved = os.dup(1)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        yield
+    finally:
+        os.dup2(saved, 1)
+        os.close(saved)
+        os.close(nowhere)

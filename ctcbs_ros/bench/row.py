@@ -1,0 +1,90 @@
+"""A row of the benchmark, and what measuring it gives."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ctcbs_ros.bench.session import Session
+from ctcbs_ros.bench.timing import Duel
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a row has measured.
+
+    Attributes
+    ----------
+    median : float
+        Of the figure [s] or [bytes].
+    p99 : float or None
+        None where it was measured once.
+    samples : int
+    peer_median, ratio, yardstick : float or None
+        The peer's figure; ours over the peer's, and over the fixed yardstick, by processor time.
+    missing : str
+        Why there is no peer; empty where there is one.
+    accurate : bool
+        Whether the results were as exact and complete as they must be.
+    facts : dict
+        What else was found, by name.
+    """
+
+    median: float
+    p99: float | None = None
+    samples: int = 1
+    peer_median: float | None = None
+    ratio: float | None = None
+    yardstick: float | None = None
+    missing: str = ""
+    accurate: bool = True
+    facts: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A figure that is measured.
+
+    Attributes
+    ----------
+    name, what : str
+    target : float or None
+        Largest median that is good enough [s] or [bytes].
+    peer : str
+    measure : callable
+        From a `Session` to an `Outcome`.
+    unit : str
+        "s" or "B".
+    judged : str
+        What is held against the target: "median" or "p99".
+    needed : float or None
+        Largest ratio to the peer that is good enough.
+    long : bool
+        Left out of quick runs.
+    """
+
+    name: str
+    what: str
+    target: float | None
+    peer: str
+    measure: Callable[[Session], Outcome]
+    unit: str = "s"
+    judged: str = "median"
+    needed: float | None = None
+    long: bool = False
+
+    def met(self, outcome: Outcome) -> bool:
+        """Whether the outcome is good enough, in every respect that was measured."""
+        figure = outcome.p99 if self.judged == "p99" else outcome.median
+        fast = self.target is None or figure <= self.target
+        against = None in (self.needed, outcome.ratio) or outcome.ratio <= self.needed
+        return fast and against and outcome.accurate
+
+
+def outcome_of(duel: Duel, accurate: bool = True, missing: str = "", **facts) -> Outcome:
+    """The outcome of a duel."""
+    single = duel.ours.wall.size == 1
+    return Outcome(
+        median=duel.ours.median, p99=None if single else duel.ours.p99,
+        samples=duel.ours.wall.size, peer_median=duel.peer and duel.peer.median,
+        ratio=duel.ratio, yardstick=duel.yardstick, missing=missing, accurate=accurate,
+        facts=facts,
+    )  # fmt: skip
