@@ -7,6 +7,7 @@ a path into what that command prints. Each number must be that one to the digits
 
 import ast
 import contextlib
+import importlib.util
 import io
 import json
 import re
@@ -241,6 +242,28 @@ def test_five_sines_give_the_edges_that_the_thesis_states():
         assert unstable(float(edge) + 0.01) == opens
     # d_n 2: text 3.2
     assert not any(unstable(omega, 2.0) for omega in (3.2, 3.6, 4.0))
+
+
+def picture():
+    """docs/surface.py as a module."""
+    spec = importlib.util.spec_from_file_location("surface", ROOT / "docs" / "surface.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_picture_s_surface_has_the_tow_radius_1_at_the_states_and_only_there():
+    surface = picture()
+    radii = [state.end_mass_radius for state in steady_states(surface.cable(1.0)).states]
+    assert len(radii) == 3
+    assert surface.tow_radii([1.0], radii) == pytest.approx(np.ones((3, 1)), abs=1e-6)
+    between = np.sqrt(np.array(radii[:-1]) * radii[1:])
+    assert np.sign(surface.tow_radii([1.0], between) - 1.0).ravel().tolist() == [1.0, -1.0]
+
+
+def test_the_picture_is_drawn(tmp_path):
+    picture().draw(tmp_path / "surface.png")
+    assert (tmp_path / "surface.png").stat().st_size > 20_000
 
 
 # Errata: the printed entry is wrong, the corrected one right.
