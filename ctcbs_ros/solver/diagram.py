@@ -14,15 +14,12 @@ import numpy as np
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.kernels import continuation
 from ctcbs_ros.solver.branches import ANGULAR_RATE, Family, trace
+from ctcbs_ros.solver.level_set import curves
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
-from ctcbs_ros.solver.steady_state import TOLERANCE, SteadyState, correct_state, steady_states
+from ctcbs_ros.solver.steady_state import TOLERANCE, SteadyState, correct_state
 
-# Cuts on which all states are found; an isolated branch shorter than their distance is not seen.
-_CUTS = 61
 _SMALLEST_OMEGA = 0.02
-_MOST_POINTS = 4000
-_TRACE_TOLERANCE = 1e-9
 
 VARIED = {
     "omega": Family("omega", omega=1.0),
@@ -111,16 +108,10 @@ def diagram(
     if not 0.0 < low < high < np.inf:
         raise InputError(f"range: {low:g} to {high:g} is not allowed, 0 < from < to is needed")
     tau_low, tau_high = log(low / value), log(high / value)
-    traces: list[np.ndarray] = []
-    for tau in np.linspace(tau_low, tau_high, _CUTS):
-        start = family.at(parameters, float(tau))
-        for state in steady_states(start).states:
-            if not any(_passes(points, tau, log(state.end_mass_radius)) for points in traces):
-                traces.append(_whole(parameters, family, state, float(tau), tau_low, tau_high))
+    traces = curves(parameters, family, tau_low, tau_high)
     branches = [
         _branch(parameters, family, value, points, with_stability)
         for points in traces
-        if len(points)
     ]
     return tuple(sorted(branches, key=lambda b: not b.connected_to_zero))
 
@@ -129,60 +120,6 @@ def first_minimum(branches) -> Event | None:
     """The first minimum of the end-mass radius on the branches connected to omega -> 0."""
     minima = [e for b in branches if b.connected_to_zero for e in b.minima]
     return min(minima, key=lambda e: e.value, default=None)
-
-
-def _whole(parameters, family, state, tau, tau_low, tau_high) -> np.ndarray:
-    """The branch of a state at tau, traced both ways and cut at the range: (n, 4)."""
-    halves = []
-    for direction in (-1.0, 1.0):
-        points = np.empty((_MOST_POINTS, 4))
-        status, count = continuation.trace(
-            state.parameters.theta(), family.exponents(), state.parameters.length, family.length,
-            log(state.end_mass_radius), direction, tau_low - tau, tau_high - tau,
-            _TRACE_TOLERANCE, points,
-        )
-        part = points[:count].copy()
-        part[:, 0] += tau
-        if status == continuation.LEFT_RANGE:
-            part = _cut(parameters, family, part, tau_low, tau_high)
-        if status == continuation.CLOSED:
-            return np.vstack([part, part[:1]])
-        halves.append(part)
-    points = np.vstack([halves[0][:0:-1], halves[1]])
-    # A branch that starts at the edge of the range has its first point twice.
-    moved = np.hypot(*np.diff(points[:, :2], axis=0).T) > 1e-9
-    return points[np.concatenate([[True], moved])]
-
-
-def _cut(parameters, family, points, tau_low, tau_high) -> np.ndarray:
-    """Move the last point of a trace, which lies outside the range, onto its edge."""
-    if len(points) < 2:
-        return points[:0]
-    edge = tau_low if points[-1, 0] < tau_low else tau_high
-    share = (edge - points[-2, 0]) / (points[-1, 0] - points[-2, 0])
-    guess = points[-2, 1] + share * (points[-1, 1] - points[-2, 1])
-    state = correct_state(family.at(parameters, edge), exp(guess))
-    if state is None:
-        return points[:-1]
-    last = points[-1].copy()
-    last[:2] = edge, log(state.end_mass_radius)
-    return np.vstack([points[:-1], last])
-
-
-def _passes(points: np.ndarray, tau: float, u: float) -> bool:
-    """Whether a traced branch goes through (tau, u)."""
-    t = points[:, 0]
-    inside = (np.minimum(t[:-1], t[1:]) <= tau + 1e-9) & (np.maximum(t[:-1], t[1:]) >= tau - 1e-9)
-    for i in np.flatnonzero(inside):
-        run = t[i + 1] - t[i]
-        share = 0.5 if run == 0.0 else min(max((tau - t[i]) / run, 0.0), 1.0)
-        near = points[i, 1] + share * (points[i + 1, 1] - points[i, 1])
-        # The chord is this far from the curve at most: steps turn by less than 12 degrees.
-        sag = 0.06 * np.hypot(run, points[i + 1, 1] - points[i, 1]) + 1e-6
-        steep = abs(points[i, 3]) > 3.0 * abs(points[i, 2])
-        if abs(near - u) < (4.0 if steep else 1.0) * sag:
-            return True
-    return False
 
 
 def _branch(parameters, family, value, points, with_stability) -> DiagramBranch:

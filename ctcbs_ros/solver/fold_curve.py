@@ -1,0 +1,317 @@
+"""Fold curves: the folds of steady states in (omega, cable drag), followed through their cusps.
+
+At a fixed drag ratio the states are a surface h = 0 over (ln omega, ln d_n, ln x_d); its folds,
+h = h_u = 0, are curves on it. Every one that crosses one of a set of drags is met by finding all
+branches there (isolated ones included), every one that has a cusp by looking for cusps near the
+steepest places of those branches; each is then followed by arc length until it leaves the range.
+"""
+
+from dataclasses import dataclass, replace
+from math import exp, log
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
+
+from ctcbs_ros.errors import InputError
+from ctcbs_ros.kernels import fold_curve as kernel
+from ctcbs_ros.kernels.search import MAX_STEPS
+from ctcbs_ros.kernels.trajectory import OK
+from ctcbs_ros.solver.branches import ANGULAR_RATE, Family
+from ctcbs_ros.solver.level_set import curves
+from ctcbs_ros.solver.parameters import Parameters
+from ctcbs_ros.solver.steady_state import TOLERANCE
+
+OMEGA_RANGE = (0.02, 3.0)
+DRAG_RANGE = (0.01, 2000.0)
+DRAG = Family("cable_drag", cable_drag=1.0, end_mass_drag=1.0)
+# Ratio of neighbouring drags at which all branches are traced, and cuts in omega on each.
+_RATIO = 1.6
+_CUTS = 25
+_SCAN = 1e-7
+# Branches steeper than this (cosine of the gradient with the u axis) may be near a cusp.
+_STEEP = 0.5
+_TRACE = 1e-9
+_MOST_POINTS = 4000
+
+
+@dataclass(frozen=True)
+class LocusPoint:
+    """A point of the surface of steady states: omega, cable drag d_n, end-mass radius x_d."""
+
+    omega: float
+    cable_drag: float
+    end_mass_radius: float
+
+
+@dataclass(frozen=True)
+class FoldCurve:
+    """A curve of folds in (omega, cable drag), at fixed length, end mass and drag ratio.
+
+    Attributes
+    ----------
+    omega, cable_drag, end_mass_radius : (n,) ndarray
+        Along the curve.
+    cusps : tuple of LocusPoint
+        Where two folds merge, in the order of the curve.
+    branch_points : tuple of LocusPoint
+        Where, as drag changes, an isolated branch is born, vanishes or joins another branch.
+    closed : bool
+        Whether the curve is closed (its last point is its first).
+    """
+
+    omega: np.ndarray
+    cable_drag: np.ndarray
+    end_mass_radius: np.ndarray
+    cusps: tuple[LocusPoint, ...]
+    branch_points: tuple[LocusPoint, ...]
+    closed: bool
+
+
+class Surface:
+    """h over (tau, delta, u) = (ln omega, ln d_n, ln x_d) of one configuration, as kernels see it.
+
+    The kernels take the configuration at omega = d_n = 1, and work space; this keeps both.
+    """
+
+    def __init__(self, parameters: Parameters):
+        at_one = ANGULAR_RATE.at(parameters, -log(parameters.omega))
+        self.unit = replace(at_one, cable_drag=1.0)
+        self.arguments = (
+            self.unit.theta(), np.array([ANGULAR_RATE.exponents(), DRAG.exponents()]),
+            self.unit.length, np.zeros(2),
+        )
+        self.work = np.empty((1, 4, 6)), np.empty(MAX_STEPS + 1)
+
+    def with_drag(self, delta: float) -> Parameters:
+        """The parameters at omega = 1 and a drag."""
+        return DRAG.at(self.unit, delta)
+
+    def at(self, tau: float, delta: float) -> Parameters:
+        """The parameters at a point of the plane."""
+        return ANGULAR_RATE.at(self.with_drag(delta), tau)
+
+    def gradients(self, z, tolerance=TOLERANCE):
+        """(h, h_u), (2,), and their gradients by (tau, delta, u), (2, 3); None if it fails."""
+        jacobian = np.empty((2, 3))
+        h, h_u, status = kernel.fold_equations(*self.arguments, z, tolerance, *self.work, jacobian)
+        return (np.array([h, h_u]), jacobian) if status == OK else None
+
+    def fold(self, z, tolerance=TOLERANCE):
+        """The point of the fold curve near z, and the gradients there; None if it fails."""
+        z, jacobian = np.array(z, float), np.empty((2, 3))
+        _, good = kernel.correct_fold(*self.arguments, z, tolerance, *self.work, jacobian)
+        return (z, jacobian) if good else None
+
+    def fold_with(self, z, fixed: int):
+        """The fold near z with one coordinate held: 0 ln omega, 1 ln d_n, 2 ln x_d; or None."""
+        z, free = np.array(z, float), [j for j in range(3) if j != fixed]
+        for _ in range(12):
+            found = self.gradients(z)
+            if found is None:
+                return None
+            residual, jacobian = found
+            try:
+                step = np.linalg.solve(jacobian[:, free], -residual)
+            except np.linalg.LinAlgError:
+                return None
+            size = np.abs(step).max()
+            if not size < 0.3:
+                return None
+            z[free] += step
+            if size < 1e-8:
+                return z
+        return None
+
+    def cusp(self, z):
+        """The cusp near z, or None."""
+        z = np.array(z, float)
+        _, good = kernel.correct_cusp(*self.arguments, z, 1e-12, *self.work)
+        return z if good else None
+
+    def trace(self, z, direction, low, high):
+        """Status and points (n, 5) of the fold curve one way from z; see the kernel."""
+        points = np.empty((_MOST_POINTS, 5))
+        status, count = kernel.trace_folds(
+            *self.arguments, z, direction, low, high, _TRACE, points
+        )
+        return status, points[:count].copy()
+
+
+def point(z) -> LocusPoint:
+    """(tau, delta, u) as a value."""
+    return LocusPoint(exp(z[0]), exp(z[1]), exp(z[2]))
+
+
+def fold_curves(
+    parameters: Parameters,
+    omega_range: tuple[float, float] = OMEGA_RANGE,
+    drag_range: tuple[float, float] = DRAG_RANGE,
+) -> tuple[FoldCurve, ...]:
+    """All fold curves in a range of omega and cable drag.
+
+    Parameters
+    ----------
+    parameters : Parameters
+        Its omega and cable drag do not matter; its drag ratio, length, end mass and elasticity are
+        those of the curves.
+    omega_range, drag_range : tuple of 2 floats
+
+    Returns
+    -------
+    tuple of FoldCurve
+        That of the largest drag first; empty where nothing folds.
+
+    Raises
+    ------
+    InputError
+        If a range is empty or not positive.
+    """
+    low, high = checked_box(omega_range, drag_range)
+    surface = Surface(parameters)
+    lines: list[np.ndarray] = []
+    found = []
+    for seed in _seeds(surface, low, high):
+        if any(_near(line, seed) for line in lines):
+            continue
+        points, closed = _follow(surface, seed, low, high)
+        if len(points) < 2:
+            continue
+        lines.append(_dense(points[:, :3]))
+        found.append(_curve(surface, points, closed))
+    return tuple(sorted(found, key=lambda curve: -curve.cable_drag.max()))
+
+
+def checked_box(omega_range, drag_range) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest (ln omega, ln d_n), each (2,); an InputError where a range is empty."""
+    for name, (low, high) in (("omega", omega_range), ("cable drag", drag_range)):
+        if not 0.0 < low < high < np.inf:
+            raise InputError(
+                f"{name}: {low:g} to {high:g} is not allowed, 0 < from < to is needed"
+            )
+    low, high = np.log(np.transpose([omega_range, drag_range]))
+    return low, high
+
+
+def _seeds(surface: Surface, low, high):
+    """Points on fold curves: the folds at a set of drags, and the cusps."""
+    count = int(np.ceil((high[1] - low[1]) / log(_RATIO))) + 1
+    cusps = []
+    for delta in np.linspace(high[1], low[1], max(count, 2)):
+        for points in curves(
+            surface.with_drag(delta), ANGULAR_RATE, low[0], high[0], _CUTS, _SCAN
+        ):
+            c = points[:, 2] / np.hypot(points[:, 2], points[:, 3])
+            for i in np.flatnonzero(c[:-1] * c[1:] < 0.0):
+                share = c[i] / (c[i] - c[i + 1])
+                tau, u = points[i, :2] + share * (points[i + 1, :2] - points[i, :2])
+                z = surface.fold_with((tau, delta, u), 1)
+                if z is not None and low[0] <= z[0] <= high[0]:
+                    yield z
+            for i in steepest(c):
+                z = surface.cusp((points[i, 0], delta, points[i, 1]))
+                if z is None or np.any(z[:2] < low) or np.any(z[:2] > high):
+                    continue
+                if not any(np.abs(z - other).max() < 1e-5 for other in cusps):
+                    cusps.append(z)
+                    yield z
+
+
+def steepest(c: np.ndarray) -> np.ndarray:
+    """Indices along a branch where it comes nearest to a fold, or is furthest beyond one.
+
+    c : (n,) cosine of the gradient with the u axis, 0 at a fold.
+    """
+    inner, left, right = c[1:-1], c[:-2], c[2:]
+    extreme = ((inner - left) * (right - inner) <= 0.0) & (np.abs(inner) < _STEEP)
+    return np.flatnonzero(extreme) + 1
+
+
+def _follow(surface: Surface, seed, low, high) -> tuple[np.ndarray, bool]:
+    """The fold curve through a point, both ways: (n, 5), and whether it is closed."""
+    halves = []
+    for direction in (-1.0, 1.0):
+        status, part = surface.trace(seed, direction, low, high)
+        if status == kernel.CLOSED:
+            return np.vstack([part, part[:1]]), True
+        if status == kernel.LEFT_RANGE:
+            part = _onto_edge(surface, part, low, high)
+        halves.append(part)
+    return np.vstack([halves[0][:0:-1], halves[1]]), False
+
+
+def _onto_edge(surface: Surface, points, low, high) -> np.ndarray:
+    """Move the last point, which lies outside the range, onto its edge."""
+    if len(points) < 2:
+        return points
+    before, last = points[-2], points[-1].copy()
+    shares = []
+    for axis in range(2):
+        for edge in (low[axis], high[axis]):
+            if (before[axis] - edge) * (last[axis] - edge) < 0.0:
+                share = (edge - before[axis]) / (last[axis] - before[axis])
+                shares.append((share, axis, edge))
+    if not shares:
+        return points[:-1]
+    share, axis, edge = min(shares)
+    guess = before[:3] + share * (last[:3] - before[:3])
+    guess[axis] = edge
+    z = surface.fold_with(guess, axis)
+    if z is None or np.abs(z - guess).max() > 0.2:
+        return points[:-1]
+    last[:3] = z
+    last[3:] = before[3:] + share * (last[3:] - before[3:])
+    return np.vstack([points[:-1], last])
+
+
+def _dense(points) -> np.ndarray:
+    """A curve with its steps cut to a tenth by a cubic spline through its points, (m, 3)."""
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    kept = np.concatenate([[True], np.diff(way) > 0.0])
+    way, points = way[kept], points[kept]
+    if len(way) < 4:
+        return points
+    fine = np.interp(np.linspace(0, len(way) - 1, 10 * len(way)), np.arange(len(way)), way)
+    return CubicSpline(way, points)(fine)
+
+
+def _near(line: np.ndarray, z) -> bool:
+    """Whether a curve passes through z."""
+    i = int(np.argmin(np.linalg.norm(line - z, axis=1)))
+    around = line[max(i - 1, 0) : i + 2]
+    step = np.linalg.norm(np.diff(around, axis=0), axis=1).max() if len(around) > 1 else 0.0
+    return bool(np.linalg.norm(line[i] - z) < 0.6 * step + 1e-4)
+
+
+def _curve(surface: Surface, points, closed) -> FoldCurve:
+    cusps, crossings = [], []
+    for i in np.flatnonzero(points[:-1, 3] * points[1:, 3] < 0.0):
+        z = surface.cusp(_between(points, i, 3))
+        if z is not None:
+            cusps.append(point(z))
+    for i in np.flatnonzero(points[:-1, 4] * points[1:, 4] < 0.0):
+        z = _branch_point(surface, points[i, :3], points[i + 1, :3])
+        if z is not None:
+            crossings.append(point(z))
+    omega, drag, radius = np.exp(points[:, :3].T)
+    return FoldCurve(omega, drag, radius, tuple(cusps), tuple(crossings), closed)
+
+
+def _between(points, i, column) -> np.ndarray:
+    share = points[i, column] / (points[i, column] - points[i + 1, column])
+    return points[i, :3] + share * (points[i + 1, :3] - points[i, :3])
+
+
+def _branch_point(surface: Surface, first, last):
+    """The point of a fold curve between two of its points where h_tau = 0, or None."""
+    def h_tau(share):
+        found = surface.fold(first + share * (last - first))
+        if found is None:
+            raise ArithmeticError
+        return found[1][0, 0]
+
+    try:
+        share = brentq(h_tau, 0.0, 1.0, xtol=1e-11)
+    except (ArithmeticError, ValueError):
+        return None
+    return surface.fold(first + share * (last - first))[0]
