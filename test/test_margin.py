@@ -8,6 +8,7 @@ from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.prediction import margin
 from ctcbs_ros.prediction.margin import MarginFollower
 from ctcbs_ros.scaling import flight_point
+from ctcbs_ros.solver.mode_sensitivity import modes
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import correct_state, steady_states
 
@@ -54,3 +55,60 @@ def test_another_state_of_the_same_orbit_is_computed_in_full():
     follower = MarginFollower()
     for state in (*states, *states[::-1]):
         assert follower.update(state) == stability(state)
+
+
+@pytest.mark.parametrize("flight", FLIGHTS)
+def test_on_a_noisy_orbit_few_margins_are_computed_and_all_are_right(flight, monkeypatch):
+    configuration, radius, speed, index = FLIGHTS[flight]
+    computed = []
+
+    def counted(name, function):
+        def call(*args, **kwargs):
+            computed.append(name)
+            return function(*args, **kwargs)
+
+        monkeypatch.setattr(margin, name, call)
+
+    counted("stability", stability)
+    counted("modes", modes)
+    random = np.random.default_rng(8)
+    follower = MarginFollower()
+    p = flight_point(configuration, radius, speed, AIR).parameters
+    near = steady_states(p).states[index].end_mass_radius
+    for _ in range(100):
+        p = flight_point(
+            configuration,
+            radius * np.exp(random.normal(0.0, 0.001)),
+            speed * np.exp(random.normal(0.0, 0.001)),
+            AIR * np.exp(random.normal(0.0, 0.001)),
+        ).parameters
+        state = correct_state(p, near)
+        followed, full = follower.update(state), stability(state)
+        assert followed.growth_rate == pytest.approx(full.growth_rate, rel=0.005)
+        assert followed.frequency == pytest.approx(full.frequency, rel=0.005, abs=1e-9)
+    assert len(computed) < 15
+
+
+def test_while_the_cable_is_paid_out_the_margin_follows():
+    configuration = load_configuration("small_drone")
+    follower, near = MarginFollower(), None
+    for length in np.linspace(150.0, 156.0, 30):
+        p = flight_point(configuration, 80.0, 20.0, AIR, cable_length=length).parameters
+        state = steady_states(p).states[0] if near is None else correct_state(p, near)
+        near = state.end_mass_radius
+        followed, full = follower.update(state), stability(state)
+        assert followed.growth_rate == pytest.approx(full.growth_rate, rel=0.005)
+
+
+def test_beside_a_fold_the_margin_is_not_extrapolated():
+    # The large branch of the folding flight ends at 97.1 m.
+    configuration, follower, near = folding_configuration(), MarginFollower(), None
+    for radius in 97.13 + 0.6 * np.linspace(1.0, 0.0, 40) ** 2:
+        p = flight_point(configuration, radius, 31.3, AIR).parameters
+        state = steady_states(p).states[2] if near is None else correct_state(p, near)
+        if state is None or state.slope < 0.0:
+            break
+        near = state.end_mass_radius
+        followed, full = follower.update(state), stability(state)
+        assert followed.growth_rate == pytest.approx(full.growth_rate, rel=0.01, abs=1e-5)
+    assert radius < 97.2

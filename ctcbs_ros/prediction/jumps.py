@@ -111,10 +111,10 @@ class JumpFinder:
         return Jump(exp(tau), expm1(tau), nearest.landing_radius * tow_radius)
 
 
-def is_elsewhere(traced: SteadyState, state: SteadyState) -> bool:
-    """Whether a state is too far from one traced before for its folds to be corrected."""
+def is_elsewhere(traced: SteadyState, state: SteadyState, reach: float = _RETRACE) -> bool:
+    """Whether a state is far from one known before, by the flight (in ln) or by its branch."""
     return (
-        family_between(traced.parameters, state.parameters)[1] > _RETRACE
+        family_between(traced.parameters, state.parameters)[1] > reach
         or abs(log(state.end_mass_radius / traced.end_mass_radius)) > _OTHER_BRANCH
         or (state.slope > 0.0) != (traced.slope > 0.0)
     )
