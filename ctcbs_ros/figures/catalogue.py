@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from ctcbs_ros.figures import curves
+from ctcbs_ros.figures import curves, design
 from ctcbs_ros.figures.draw_curves import draw_curves
 from ctcbs_ros.figures.figure import Figure
 from ctcbs_ros.solver.diagram import VARIED
@@ -83,4 +83,75 @@ def _figure_4_1() -> Figure:
     )
 
 
-FIGURES = {figure.number: figure for figure in (_figure_3_1(), _figure_4_1())}
+_DESIGNS = tuple(
+    (f"A_C {area:g} m², {'elastic' if elastic else 'inextensible'}", area, elastic)
+    for area in (design.FIRST, design.SECOND)
+    for elastic in (False, True)
+)
+_DESIGN_NOTE = (
+    "Table 5.1; the thesis's numbers for f 0.04 belong to a frontal area of 0.00196 m², those "
+    "for f 0.1 to 0.045 m² (f 1.0 at 250 m); inextensible: gamma 600 in the vibration; "
+    "elastic: E 2 GPa"
+)
+
+
+def _design_given(x: str, *points: tuple[float, float, str]):
+    return tuple(
+        {"kind": "thesis", x: value, "end_mass_radius": radius, "note": note}
+        for value, radius, note in points
+    )
+
+
+def _figure_5_2() -> Figure:
+    return Figure(
+        number="5.2",
+        title="design example, end-mass radius against tow radius (V = 50 m/s, L = 1000 m)",
+        note=_DESIGN_NOTE,
+        columns=design.COLUMNS,
+        calls=tuple((design.against_radius, each) for each in _DESIGNS),
+        given=_design_given(
+            "tow_radius_m", (250.0, 0.15, "f 0.04"), (250.0, 0.08, "f 0.1"),
+            (100.0, 8.43e-3, "f 0.1"),
+        ),
+        draw=partial(
+            draw_curves, x="tow_radius_m", limits=(95.0, 255.0, 0.005, 0.2), logarithmic=True
+        ),
+    )  # fmt: skip
+
+
+def _figure_5_3() -> Figure:
+    return Figure(
+        number="5.3",
+        title="design example, end-mass radius as the cable is deployed (V = 50 m/s, a = 250 m)",
+        note=f"{_DESIGN_NOTE}; the thesis does not give a, but its l of 4 at L 1000 m is 250 m",
+        columns=design.COLUMNS,
+        calls=tuple((design.against_length, each) for each in _DESIGNS),
+        given=_design_given("length", (4.0, 0.15, "f 0.04"), (4.0, 0.08, "f 0.1")),
+        draw=partial(draw_curves, x="length", limits=(0.0, 4.05, 0.0, 1.2)),
+    )
+
+
+def _figure_d_1() -> Figure:
+    fixed = {"length": 3.0, "end_mass": 50.0, "cable_drag": 10.0}
+    return Figure(
+        number="D.1",
+        title="end-mass radius for several drag ratios (l = 3, m = 50, d_n = 10)",
+        note=f"{_MODEL}; the thesis gives neither l, m, d_n nor f here: those of Fig. 3.1 where "
+        "it is single-valued, and the range of Table 2.1",
+        columns=curves.COLUMNS,
+        calls=tuple(
+            _against_omega(f"f {ratio:g}", 3.0, drag_ratio=ratio, **fixed)
+            for ratio in (0.1, 0.5, 1.0, 2.0, 4.0)
+        ),
+        given=(),
+        draw=partial(
+            draw_curves, limits=(0.0, 3.0, 0.0, 3.0),
+            inset=((0.5, 0.3, 0.48, 0.45), (1.4, 3.0, 0.03, 0.27)),
+        ),
+    )
+
+
+FIGURES = {
+    figure.number: figure
+    for figure in (_figure_3_1(), _figure_4_1(), _figure_5_2(), _figure_5_3(), _figure_d_1())
+}

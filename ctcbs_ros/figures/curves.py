@@ -6,7 +6,7 @@ that is inextensible at rest but stretches as it vibrates pass through zero besi
 """
 
 from itertools import pairwise
-from math import ceil, exp, hypot, log, nan
+from math import hypot, log, nan
 
 from ctcbs_ros.figures.rows import Row
 from ctcbs_ros.solver.branches import ANGULAR_RATE, Family, Fold, landing
@@ -22,9 +22,8 @@ COLUMNS = (
 STABLE, FLUTTER, DIVERGENCE = "stable", "flutter", "divergence"
 FOLD, HOPF, FIRST_MINIMUM = "fold", "Hopf point", "first minimum"
 _OSCILLATES = 1e-6
-# Distance of neighbouring points of a branch, over the width and a usual height of the figure.
-_GAP = 0.016
-_HEIGHT = 3.0
+# How far a drawn line may be from the branch, over the width and the height of the figure.
+_SAG = 1e-4
 
 
 def curve(
@@ -50,12 +49,13 @@ def curve(
     """
     branches = diagram(parameters, family, value, low, high)
     minimum = first_minimum(branches)
+    scale = high - low, max(point.end_mass_radius for b in branches for point in b.points)
     rows = []
     for number, branch in enumerate(branches, 1):
         named = {"kind": "branch", "curve": name, "branch": number}
         rows += [
             named | _parameters(family.at(parameters, log(point["value"] / value))) | point
-            for point in _points(parameters, family, value, low, high, branch, minimum)
+            for point in _points(parameters, family, value, scale, branch, minimum)
         ]
     if family.omega == 1.0:
         for branch in branches:
@@ -64,7 +64,7 @@ def curve(
     return rows
 
 
-def _points(parameters, family, value, low, high, branch: DiagramBranch, minimum) -> list[Row]:
+def _points(parameters, family, value, scale, branch: DiagramBranch, minimum) -> list[Row]:
     """Points and events in the order in which the branch passes them."""
     points = []
     for point in branch.points:
@@ -74,7 +74,7 @@ def _points(parameters, family, value, low, high, branch: DiagramBranch, minimum
             continue
         here = _described(point.value, state, point.growth_rate, point.frequency)
         if points:
-            points += _between(parameters, family, value, high - low, points[-1], here)
+            points += _between(parameters, family, value, scale, points[-1], here)
         points.append(here)
     events = [(event, FOLD) for event in branch.folds] + [(event, HOPF) for event in branch.hopf]
     if minimum in branch.minima:
@@ -95,22 +95,30 @@ def _points(parameters, family, value, low, high, branch: DiagramBranch, minimum
     return points
 
 
-def _between(parameters, family, value, width, a: Row, b: Row) -> list[Row]:
-    """States between two points of a branch that are too far apart for a smooth line."""
-    rise = log(b["end_mass_radius"] / a["end_mass_radius"])
-    run = log(b["value"] / a["value"])
-    higher = b["end_mass_radius"] - a["end_mass_radius"]
-    count = ceil(hypot((b["value"] - a["value"]) / width, higher / _HEIGHT) / _GAP)
-    states = []
-    for i in range(1, count):
-        varied = a["value"] * exp(run * i / count)
-        guess = a["end_mass_radius"] * exp(rise * i / count)
-        # The chord is this near to the branch: steps of a trace turn by less than 12 degrees.
-        state = _state(parameters, family, value, varied, guess, 0.1 * hypot(rise, run))
-        if state is not None:
-            damping = stability(state)
-            states.append(_described(varied, state, damping.growth_rate, damping.frequency))
-    return states
+def _between(parameters, family, value, scale, a: Row, b: Row, depth: int = 4) -> list[Row]:
+    """States between two points of a branch, where the line between these would leave it."""
+    varied = (a["value"] * b["value"]) ** 0.5
+    guess = (a["end_mass_radius"] * b["end_mass_radius"]) ** 0.5
+    reach = hypot(log(varied / a["value"]), log(guess / a["end_mass_radius"]))
+    # The chord is this near to the branch: steps of a trace turn by less than 12 degrees.
+    state = _state(parameters, family, value, varied, guess, 0.2 * reach)
+    if state is None:
+        return []
+    line = _apart(a, b["value"], b["end_mass_radius"], scale)
+    part = _apart(a, varied, state.end_mass_radius, scale)
+    away = abs(line[0] * part[1] - line[1] * part[0]) / hypot(*line)
+    if depth == 0 or away < _SAG:
+        return []
+    damping = stability(state)
+    middle = _described(varied, state, damping.growth_rate, damping.frequency)
+    before = _between(parameters, family, value, scale, a, middle, depth - 1)
+    after = _between(parameters, family, value, scale, middle, b, depth - 1)
+    return [*before, middle, *after]
+
+
+def _apart(a: Row, value: float, end_mass_radius: float, scale) -> tuple[float, float]:
+    width, height = scale
+    return (value - a["value"]) / width, (end_mass_radius - a["end_mass_radius"]) / height
 
 
 def _state(parameters, family, value, varied, guess, max_step):

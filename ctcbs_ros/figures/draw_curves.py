@@ -1,6 +1,7 @@
 """Drawings of bifurcation diagrams: Figs. 3.1, 4.1, 5.2, 5.3 and D.1."""
 
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from ctcbs_ros.figures.drawing import (
     COLORS,
@@ -64,6 +65,9 @@ def draw_curves(
     entries += _draw_ranges(parts[-1], of_kind(rows, "thesis range"), x, colors)
     if logarithmic:
         axes.set_yscale("log")
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
     if limits is not None:
         axes.set(xlim=limits[:2], ylim=limits[2:])
     axes.set(xlabel=LABELS[x], ylabel=LABELS[y])
