@@ -20,14 +20,14 @@ from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import steady_states
 
 REPOSITORY = Path(__file__).parents[1]
-ALL = ["3.1", "4.1"]
+ALL = ["3.1", "3.2", "3.3", "3.4", "4.1", "4.2", "5.2", "5.3", "D.1"]
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Folder with Figs. 3.1 and 4.1, and what the command printed."""
+    """Folder with Figs. 3.1, 3.2 and 4.1, and what the command printed."""
     folder = tmp_path_factory.mktemp("figures") / "new"
-    done = ctcbs("figures", str(folder), "--only", "3.1,4.1")
+    done = ctcbs("figures", str(folder), "--only", "4.1,3.1,3.2")
     assert done.returncode == 0, done.stderr
     return folder, done
 
@@ -86,6 +86,19 @@ def test_hopf_points_and_minima_of_figure_4_1_are_those_of_bisection(made):
     assert {row["stability"] for row in rows if row["curve"] == "d_n 3"} == {"stable"}
 
 
+def test_fold_paths_of_figure_3_2_meet_the_folds_of_figure_3_1(made):
+    # The bisected folds of d_n 4.8 and 2.7 again; the cusp against brute force in test_loci.py.
+    paths = [row for row in rows_of(made[0], "3.2") if row["kind"] == "fold path"]
+    for drag, fold, omega in ((4.8, "F1", 1.09818), (4.8, "F2", 0.93235), (2.7, "F2", 0.94708)):
+        part = sorted((r["cable_drag"], r["omega"]) for r in paths if r["curve"] == fold)
+        assert np.interp(drag, *zip(*part, strict=True)) == pytest.approx(omega, abs=2e-3)
+    ends = {(row["cable_drag"], row["omega"]) for row in paths if row["event"] == "cusp"}
+    ((drag, omega),) = ends
+    assert drag == pytest.approx(6.1577, abs=1e-3)
+    assert omega == pytest.approx(0.9113, abs=1e-3)
+    assert max(row["cable_drag"] for row in paths) == pytest.approx(drag, rel=1e-9)
+
+
 def test_stability_changes_only_in_events_and_middle_states_diverge(made):
     rows = [row for row in rows_of(made[0], "3.1") if row["curve"] == "d_n 4.8"]
     looks = [row["stability"] or row["event"] for row in rows if row["kind"] == "branch"]
@@ -93,19 +106,28 @@ def test_stability_changes_only_in_events_and_middle_states_diverge(made):
     assert runs == ["stable", "fold", "divergence", "fold", "stable", "Hopf point", "flutter"]
 
 
-def test_points_of_the_branches_are_steady_states_close_enough_for_a_smooth_line(made):
-    for number, width in (("3.1", 3.0), ("4.1", 4.0)):
+def radii_at(row, omega):
+    """Radii of all steady states with the parameters of a row."""
+    point = Parameters(
+        omega, row["length"], row["end_mass"], row["cable_drag"], row["drag_ratio"]
+    )
+    return np.array([state.end_mass_radius for state in steady_states(point).states])
+
+
+def test_points_of_the_branches_are_steady_states_and_so_are_the_lines_between(made):
+    for number in ("3.1", "4.1"):
         rows = [row for row in rows_of(made[0], number) if row["kind"] == "branch"]
         for row in rows[:: len(rows) // 12]:
-            point = Parameters(
-                row["omega"], row["length"], row["end_mass"], row["cable_drag"], row["drag_ratio"]
-            )
-            radii = np.array([s.end_mass_radius for s in steady_states(point).states])
             # A fold's own radius is only as sharp as the square root of its omega.
-            assert np.abs(radii - row["end_mass_radius"]).min() < 1e-5
-        for a, b in pairwise(rows):
-            if (a["curve"], a["branch"]) == (b["curve"], b["branch"]):
-                assert abs(b["omega"] - a["omega"]) < 0.02 * width
+            assert np.abs(radii_at(row, row["omega"]) - row["end_mass_radius"]).min() < 1e-5
+        chords = [
+            (a, b) for a, b in pairwise(rows)
+            if (a["curve"], a["branch"]) == (b["curve"], b["branch"])
+            and abs(b["omega"] - a["omega"]) > 0.02
+        ]  # fmt: skip
+        for a, b in chords[:: len(chords) // 20]:
+            omega, radius = ((a[name] + b[name]) / 2 for name in ("omega", "end_mass_radius"))
+            assert np.abs(radii_at(a, omega) - radius).min() < 2e-3
 
 
 # --- files --------------------------------------------------------------------------------------
@@ -113,12 +135,12 @@ def test_points_of_the_branches_are_steady_states_close_enough_for_a_smooth_line
 
 def test_each_figure_is_a_csv_and_a_png_and_each_file_is_printed(made):
     folder, done = made
-    names = ["fig_3.1.csv", "fig_3.1.png", "fig_4.1.csv", "fig_4.1.png"]
+    names = [f"fig_{n}.{suffix}" for n in ("3.1", "3.2", "4.1") for suffix in ("csv", "png")]
     assert sorted(file.name for file in folder.iterdir()) == names
     assert sorted(done.stdout.split()) == [str(folder / name) for name in names]
     assert done.stderr.count("figures:") >= 1
     assert "100%" in done.stderr
-    for number in ("3.1", "4.1"):
+    for number in ("3.1", "3.2", "4.1"):
         first, header, *_ = (folder / f"fig_{number}.csv").read_text().splitlines()
         assert first.startswith(f"# ctcbs_ros {__version__}: thesis Fig. {number}: ")
         assert header.split(",") == list(FIGURES[number].columns)
@@ -142,11 +164,74 @@ def test_drawn_lines_are_the_csv_s_points(made):
     assert {(x, y + 0.5) for x, y in points} <= drawn
 
 
-def test_every_drawing_names_figure_parameters_and_axes():
-    assert list(FIGURES) == ALL
-    for number, figure in FIGURES.items():
-        assert figure.number == number
-        assert "=" in figure.title
+def test_figures_are_the_thesis_s_and_drawings_name_number_parameters_and_units(made):
+    assert list(FIGURES) == [figure.number for figure in FIGURES.values()] == ALL
+    for number in ("3.1", "3.2", "4.1"):
+        title = f"Fig. {number}: {FIGURES[number].title}"
+        drawing = FIGURES[number].draw(title, rows_of(made[0], number))
+        assert title in [text.get_text() for text in drawing.texts]
+        assert "(l = 3, m = " in title
+        axes = drawing.axes[0]
+        assert axes.get_xlabel().endswith("[-]")
+        assert axes.get_ylabel().endswith("[-]")
+        assert axes.get_legend() is not None
+
+
+@pytest.mark.slow
+def test_all_figures_show_what_the_thesis_says_of_them(tmp_path):
+    assert main(["figures", str(tmp_path)]) == 0
+    assert len(list(tmp_path.iterdir())) == 2 * len(ALL)
+
+    def least(number, length, mass, ratio):
+        (row,) = (
+            row for row in rows_of(tmp_path, number)
+            if (row["length"], row["end_mass"], row["drag_ratio"]) == (length, mass, ratio)
+        )  # fmt: skip
+        return row["cable_drag"]
+
+    # Falls with length and drag ratio, rises with end mass.
+    for number in ("3.3", "4.2"):
+        for ratio in (1.0, 2.0):
+            for mass in (20.0, 50.0, 100.0):
+                drags = [least(number, length, mass, ratio) for length in (2.5, 3.0, 3.5, 4.0)]
+                assert drags == sorted(drags, reverse=True)
+            for length in (2.5, 3.0, 3.5, 4.0):
+                drags = [least(number, length, mass, ratio) for mass in (20.0, 50.0, 100.0)]
+                assert drags == sorted(drags)
+        assert least(number, 3.0, 50.0, 2.0) < least(number, 3.0, 50.0, 1.0)
+    # More than one state below the least drag, one above it.
+    drag = least("3.3", 4.0, 20.0, 2.0)
+    for share, most in ((0.98, 3), (1.01, 1)):
+        counts = {
+            len(steady_states(Parameters(omega, 4.0, 20.0, share * drag, 2.0)).states)
+            for omega in np.linspace(0.5, 3.0, 500)
+        }
+        assert max(counts) == most
+    # omega 1.0 falls short of the cusp at l 2 and exceeds it at l 4; 1.6 is right at l 5.
+    cusps = {
+        row["length"]: row["omega"]
+        for row in rows_of(tmp_path, "3.4") if row["kind"] == "cusp" and row["end_mass"] == 50.0
+    }  # fmt: skip
+    assert cusps[2.0] > 1.0 > cusps[4.0]
+    assert cusps[5.0] < 1.6
+    # Stable for every tow radius and deployed length; 0.15, 0.08 and 8.43e-3.
+    for number in ("5.2", "5.3"):
+        branches = [row for row in rows_of(tmp_path, number) if row["kind"] == "branch"]
+        assert {row["stability"] for row in branches} == {"stable"}
+        assert len({(row["curve"], row["branch"]) for row in branches}) == 4
+    ends = {
+        (row["frontal_area_m2"], row["tow_radius_m"]): row["end_mass_radius"]
+        for row in rows_of(tmp_path, "5.2")
+        if row["elasticity"] == np.inf and round(row["tow_radius_m"], 6) in (100.0, 250.0)
+    }
+    assert sorted(ends.values()) == pytest.approx([8.48e-3, 8.51e-3, 0.0832, 0.1484], rel=2e-3)
+    # More drag on the end mass, less radius, at the lower angular velocities.
+    rows = [row for row in rows_of(tmp_path, "D.1") if row["kind"] == "branch"]
+    radii = []
+    for ratio in (0.5, 1.0, 2.0, 4.0):
+        part = sorted((r["omega"], r["end_mass_radius"]) for r in rows if r["drag_ratio"] == ratio)
+        radii.append(np.interp(0.7, *zip(*part, strict=True)))
+    assert radii == sorted(radii, reverse=True)
 
 
 # --- how the command ends -----------------------------------------------------------------------
@@ -202,5 +287,5 @@ def test_interrupt_of_the_whole_group_leaves_no_half_file_nor_worker_and_is_repe
         assert time.monotonic() < end, "a worker is left"
         time.sleep(0.1)
     assert {file.suffix for file in tmp_path.iterdir()} <= {".csv", ".png"}
-    assert ctcbs("figures", str(tmp_path), "--only", "4.1").returncode == 0
-    assert read_rows(tmp_path / "fig_4.1.csv")
+    assert ctcbs("figures", str(tmp_path), "--only", "3.2").returncode == 0
+    assert read_rows(tmp_path / "fig_3.2.csv")

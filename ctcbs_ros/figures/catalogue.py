@@ -2,7 +2,8 @@
 
 from functools import partial
 
-from ctcbs_ros.figures import curves, design
+from ctcbs_ros.figures import boundaries, curves, design
+from ctcbs_ros.figures.draw_boundaries import draw_cusps, draw_folds, draw_least_drags
 from ctcbs_ros.figures.draw_curves import draw_curves
 from ctcbs_ros.figures.figure import Figure
 from ctcbs_ros.solver.diagram import VARIED
@@ -16,6 +17,24 @@ def _against_omega(name: str, fastest: float, **parameters: float):
     """A call for the branches of one parameter point from omega 0.02 up."""
     point = Parameters(omega=1.0, **parameters)
     return (curves.curve, (name, point, VARIED["omega"], 1.0, _SLOWEST, fastest))
+
+
+_FOLD_PATHS = (
+    boundaries.fold_paths,
+    (Parameters(1.0, 3.0, 50.0, 1.0, 1.0), (_SLOWEST, 3.0), (0.01, 20.0)),
+)
+# Table 2.1's range of cable length.
+_LENGTHS = tuple(1.5 + 0.25 * i for i in range(19))
+
+
+def _over_length(function, masses, ratios):
+    """Calls for every length, each curve of an end mass and a drag ratio."""
+    return tuple(
+        (function, (f"m {mass:g}, f {ratio:g}", length, mass, ratio))
+        for ratio in ratios
+        for mass in masses
+        for length in _LENGTHS
+    )
 
 
 def _figure_3_1() -> Figure:
@@ -32,9 +51,10 @@ def _figure_3_1() -> Figure:
         title="end-mass radius against angular velocity (l = 3, m = 50, f = 1)",
         note=f"{_MODEL}; the thesis does not show stability here",
         columns=curves.COLUMNS,
-        calls=tuple(
-            _against_omega(f"d_n {drag:g}", 3.0, cable_drag=drag, **fixed)
-            for drag in (2.7, 4.8, 6.2, 10.0)
+        calls=(
+            _FOLD_PATHS,
+            *(_against_omega(f"d_n {drag:g}", 3.0, cable_drag=drag, **fixed)
+            for drag in (2.7, 4.8, 6.2, 10.0)),
         ),
         given=(
             given(1.1, 2.3, "jump with rising omega: from"),
@@ -46,6 +66,51 @@ def _figure_3_1() -> Figure:
             draw_curves, limits=(0.0, 3.0, 0.0, 3.5),
             inset=((0.48, 0.2, 0.5, 0.3), (1.4, 3.0, 0.03, 0.26)),
         ),
+    )
+
+
+def _figure_3_2() -> Figure:
+    return Figure(
+        number="3.2",
+        title="angular velocity at the folds against cable drag (l = 3, m = 50, f = 1)",
+        note="inextensible; the parameters are those of Fig. 3.1, whose folds they are",
+        columns=boundaries.FOLD_COLUMNS,
+        calls=(_FOLD_PATHS,),
+        given=({"kind": "thesis", "cable_drag": 6.2, "note": "no jumps above, thesis's text"},),
+        draw=partial(draw_folds, limits=(0.0, 7.0, 0.7, 2.2)),
+    )
+
+
+def _figure_3_3() -> Figure:
+    return Figure(
+        number="3.3",
+        title="least cable drag for a unique solution at every angular velocity up to 3",
+        note="inextensible; l, m and f as named; a cusp, or a fold that leaves the range of "
+        "omega, whichever needs more drag",
+        columns=boundaries.LEAST_DRAG_COLUMNS,
+        calls=_over_length(boundaries.least_unique_drag, (20.0, 50.0, 100.0), (1.0, 2.0)),
+        given=(),
+        draw=draw_least_drags,
+    )
+
+
+def _figure_3_4() -> Figure:
+    def design_point(length, omega, note):
+        return {"kind": "thesis", "length": length, "omega": omega, "note": note}
+
+    return Figure(
+        number="3.4",
+        title="the cusp, and the first minimum of the end-mass radius at its drag (f = 1)",
+        note="inextensible; the thesis does not say at which cable drag the minimum is: here at "
+        "the cusp's own, the least for a unique solution",
+        columns=boundaries.CUSP_COLUMNS,
+        calls=_over_length(boundaries.cusp_and_minimum, (50.0, 100.0), (1.0,)),
+        given=(
+            design_point(2.0, 1.0, "short of the cusp"),
+            design_point(4.0, 1.0, "beyond the cusp: acceptable"),
+            design_point(5.0, 1.6, "acceptable"),
+        ),
+        draw=draw_cusps,
     )
 
 
@@ -80,6 +145,19 @@ def _figure_4_1() -> Figure:
             draw_curves, limits=(0.0, 4.0, 0.0, 2.5),
             inset=((0.36, 0.36, 0.62, 0.6), (1.6, 4.0, 0.25, 0.4)),
         ),
+    )
+
+
+def _figure_4_2() -> Figure:
+    return Figure(
+        number="4.2",
+        title="least cable drag for a stable first minimum of the end-mass radius",
+        note=f"{_MODEL}; with every greater drag up to 2000 the state at the first minimum is "
+        "stable, wherever there is one up to omega 10",
+        columns=boundaries.LEAST_DRAG_COLUMNS,
+        calls=_over_length(boundaries.least_stable_drag, (20.0, 50.0, 100.0), (1.0, 2.0)),
+        given=(),
+        draw=draw_least_drags,
     )
 
 
@@ -153,5 +231,8 @@ def _figure_d_1() -> Figure:
 
 FIGURES = {
     figure.number: figure
-    for figure in (_figure_3_1(), _figure_4_1(), _figure_5_2(), _figure_5_3(), _figure_d_1())
+    for figure in (
+        _figure_3_1(), _figure_3_2(), _figure_3_3(), _figure_3_4(), _figure_4_1(), _figure_4_2(),
+        _figure_5_2(), _figure_5_3(), _figure_d_1(),
+    )
 }

@@ -86,13 +86,10 @@ def _draw_jumps(axes, rows, x, y, colors) -> list[Line2D]:
 
 
 def _draw_fold_path(axes, rows, x, y) -> list[Line2D]:
-    if not rows:
-        return []
-    (line,) = axes.plot(
-        [row[x] for row in rows], [row[y] for row in rows], color="black", lw=0.9,
-        dashes=(6, 3), label="path of the folds as $d_n$ varies",
-    )  # fmt: skip
-    return [line]
+    look = {"color": "black", "lw": 0.9, "dashes": (6, 3)}
+    for path in grouped(rows, "curve", "branch").values():
+        axes.plot([row[x] for row in path], [row[y] for row in path], **look)
+    return [Line2D([], [], **look, label="path of the folds as $d_n$ varies")] * bool(rows)
 
 
 def _draw_given(axes, enlarged, rows, x, y) -> list[Line2D]:

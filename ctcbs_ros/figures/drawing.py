@@ -30,13 +30,13 @@ def blank(title: str, panels: int = 1, width: float = 10.0, height: float = 5.8)
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(panels, sharex=True, squeeze=False)[:, 0]
-    figure.suptitle(_typeset(title), fontsize=11)
+    figure.suptitle(typeset(title), fontsize=11)
     for each in axes:
         each.grid(alpha=0.25)
     return figure, axes[0] if panels == 1 else list(axes)
 
 
-def _typeset(text: str) -> str:
+def typeset(text: str) -> str:
     return text.replace("d_n", "$d_n$").replace("A_C", "$A_C$")
 
 
@@ -88,7 +88,7 @@ def draw_events(axes, rows: list[Row], x: str, y: str, color: str) -> None:
 
 def keys(rows: list[Row], colors: dict[str, str]) -> list[Line2D]:
     """Legend entries for the curves' colours and for the styles and markers that occur."""
-    entries = [Line2D([], [], color=color, label=_typeset(name)) for name, color in colors.items()]
+    entries = [Line2D([], [], color=color, label=typeset(name)) for name, color in colors.items()]
     looks = {row["stability"] for row in rows if row["kind"] == "branch"}
     events = {row["event"] for row in rows if row["kind"] == "branch"}
     entries += [
