@@ -135,7 +135,7 @@ def table_build(session: Session) -> Outcome:
 
     whole = duel(ours, peer, rounds=1, warm_up=False)
     session.table = built[-1]
-    return outcome_of(whole, states=int(built[-1].count.sum()))
+    return outcome_of(whole, alone=False, states=int(built[-1].count.sum()))
 
 
 def _node(session, table, i, j):
@@ -208,7 +208,7 @@ def _nodes(session: Session, figure) -> Outcome:
         Timing(np.array([m.wall for m in side]), np.array([m.cpu for m in side]))
         for side in (ours, peer)
     )
-    return outcome_of(Duel(*sides, ratio, None))
+    return outcome_of(Duel(*sides, ratio, None), alone=False)
 
 
 def _start(arguments: list[str]) -> _Started:

@@ -13,6 +13,7 @@ from ctcbs_ros.solver.parameters import Parameters
 TOLERANCE = 1e-6
 # About the quickest here, from 5 to 200.
 NODES = 60
+_MOST_NODES = 20_000
 
 
 def warm_start(p: Parameters, end_mass_radius: float) -> tuple[np.ndarray, np.ndarray]:
@@ -21,7 +22,9 @@ def warm_start(p: Parameters, end_mass_radius: float) -> tuple[np.ndarray, np.nd
     return arc_lengths, shapes(p, end_mass_radius, arc_lengths, 1e-8)[:, 0]
 
 
-def steady_state(p: Parameters, end_mass_radius: float, start) -> float:
+def steady_state(
+    p: Parameters, end_mass_radius: float, start, tolerance: float = TOLERANCE
+) -> float:
     """The end-mass radius near a guess.
 
     Raises
@@ -38,7 +41,9 @@ def steady_state(p: Parameters, end_mass_radius: float, start) -> float:
         return np.array([bottom[0] - x, bottom[1], bottom[2], *force, top[0]**2 + top[1]**2 - 1])
 
     arc_lengths, shape = start
-    found = solve_bvp(rhs, ends, arc_lengths, shape, p=[end_mass_radius], tol=TOLERANCE)
+    found = solve_bvp(
+        rhs, ends, arc_lengths, shape, p=[end_mass_radius], tol=tolerance, max_nodes=_MOST_NODES
+    )
     if not found.success:
         raise ArithmeticError(f"solve_bvp: {found.message}")
     return float(found.p[0])

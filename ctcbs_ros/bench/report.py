@@ -39,6 +39,8 @@ def row_document(row: Row, outcome: Outcome) -> dict:
         "unit": row.unit,
         "median": outcome.median,
         "p99": outcome.p99,
+        "cpu_median": outcome.cpu_median,
+        "cpu_p99": outcome.cpu_p99,
         "samples": outcome.samples,
         "target": row.target,
         "judged": row.judged,
@@ -132,7 +134,8 @@ def text(report: dict) -> str:
         [*table, "", *notes, "", f"{about['cpu']}, {about['cores']} cores, Python "
          f"{about['python']}; {used}",
          "Medians and p99 by the clock on the wall; ratios, ours over the peer's, by processor "
-         "time, call by call in turn."]
+         "time, call by call in turn;",
+         "met \"cpu\": in processor time only, this machine being busy with other work."]
     )  # fmt: skip
 
 
@@ -141,7 +144,7 @@ def _cells(row: dict) -> tuple[str, ...]:
     target = figure(row["target"], unit)
     if row["judged"] == "p99":
         target = f"p99 {target}"
-    met = {True: "yes", False: "NO", None: "-"}[row["met"]]
+    met = {"no": "NO", None: "-"}.get(row["met"], row["met"])
     peer = f"not installed ({row['peer'].split()[0]})" if row["peer_missing"] else row["peer"]
     return (
         row["row"], figure(row["median"], unit), figure(row["p99"], unit), target, met, peer,

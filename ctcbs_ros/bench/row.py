@@ -17,6 +17,9 @@ class Outcome:
         Of the figure [s] or [bytes].
     p99 : float or None
         None where it was measured once.
+    cpu_median, cpu_p99 : float or None
+        The same by processor time; None where that is no measure of it (several processes, or
+        one that also waits).
     samples : int
     peer_median, ratio, yardstick : float or None
         The peer's figure; ours over the peer's, and over the fixed yardstick, by processor time.
@@ -30,6 +33,8 @@ class Outcome:
 
     median: float
     p99: float | None = None
+    cpu_median: float | None = None
+    cpu_p99: float | None = None
     samples: int = 1
     peer_median: float | None = None
     ratio: float | None = None
@@ -71,19 +76,37 @@ class Row:
     needed: float | None = None
     long: bool = False
 
-    def met(self, outcome: Outcome) -> bool:
-        """Whether the outcome is good enough, in every respect that was measured."""
-        figure = outcome.p99 if self.judged == "p99" else outcome.median
-        fast = self.target is None or figure <= self.target
+    def met(self, outcome: Outcome) -> str:
+        """Whether the outcome is good enough, in every respect that was measured.
+
+        Returns
+        -------
+        str
+            "yes", "no", or "cpu": in processor time, but not by the clock on the wall, because the
+            machine was busy with something else.
+        """
         against = None in (self.needed, outcome.ratio) or outcome.ratio <= self.needed
-        return fast and against and outcome.accurate
+        if not (against and outcome.accurate):
+            return "no"
+        if self.target is None:
+            return "yes"
+        wall, cpu = (
+            (outcome.p99, outcome.cpu_p99) if self.judged == "p99"
+            else (outcome.median, outcome.cpu_median)
+        )  # fmt: skip
+        if wall <= self.target:
+            return "yes"
+        return "cpu" if cpu is not None and cpu <= self.target else "no"
 
 
-def outcome_of(duel: Duel, accurate: bool = True, missing: str = "", **facts) -> Outcome:
-    """The outcome of a duel."""
+def outcome_of(duel: Duel, accurate: bool = True, missing: str = "", alone: bool = True,
+               **facts) -> Outcome:  # fmt: skip
+    """The outcome of a duel; `alone` where one busy process is all there is to wait for."""
     single = duel.ours.wall.size == 1
     return Outcome(
         median=duel.ours.median, p99=None if single else duel.ours.p99,
+        cpu_median=duel.ours.cpu_median if alone else None,
+        cpu_p99=duel.ours.cpu_p99 if alone and not single else None,
         samples=duel.ours.wall.size, peer_median=duel.peer and duel.peer.median,
         ratio=duel.ratio, yardstick=duel.yardstick, missing=missing, accurate=accurate,
         facts=facts,

@@ -27,7 +27,7 @@ SETTLED = Parameters(1.6, 3.0, 50.0, 10.0, 1.0, elasticity=600.0)
 SETTLING_TIME, SEGMENTS = 400.0, 20
 
 RELATIVE_ERROR = 1e-8
-BRANCH_POINTS = 80
+BRANCH_POINTS, _BRANCH_TOLERANCE = 80, 1e-9
 _GUESSES = 25
 
 
@@ -151,7 +151,10 @@ def branch(session: Session) -> Outcome:
     reach = log(BRANCH_OMEGA_MAX / BRANCH_START.omega)
 
     def ours(_number=0):
-        return trace(BRANCH_START, start.end_mass_radius, ANGULAR_RATE, 1, (-1e-6, reach))
+        return trace(
+            BRANCH_START, start.end_mass_radius, ANGULAR_RATE, 1, (-1e-6, reach),
+            tolerance=_BRANCH_TOLERANCE,
+        )
 
     try:
         problem = AutoProblem(

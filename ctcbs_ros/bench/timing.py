@@ -38,6 +38,16 @@ class Timing:
         """99th percentile on the clock on the wall."""
         return float(np.percentile(self.wall, 99.0))
 
+    @property
+    def cpu_median(self) -> float:
+        """Median of the processor time, which is what an idle machine would take."""
+        return float(np.median(self.cpu))
+
+    @property
+    def cpu_p99(self) -> float:
+        """99th percentile of the processor time."""
+        return float(np.percentile(self.cpu, 99.0))
+
 
 @dataclass(frozen=True)
 class Duel:

@@ -15,7 +15,6 @@ from ctcbs_ros.kernels.trajectory import D_N, N_THETA, OMEGA, D, G, M, W
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import (
-    SCAN_TOLERANCE,
     TOLERANCE,
     SteadyState,
     correct_state,
@@ -23,6 +22,7 @@ from ctcbs_ros.solver.steady_state import (
 )
 
 _MOST_POINTS = 2000
+_TRACE_TOLERANCE = 1e-8
 # A state is looked for this far (in ln) beyond a fold, where the pair that merged is gone.
 _BEYOND = 1e-4
 # How far inside the present radius (in ln) the branch from straight flight is followed.
@@ -146,6 +146,7 @@ def trace(
     direction: int,
     tau_range: tuple[float, float],
     target: float | None = None,
+    tolerance: float = _TRACE_TOLERANCE,
 ) -> Path:
     """Trace a branch through all its folds until it leaves the range of tau.
 
@@ -161,6 +162,8 @@ def trace(
     tau_range : tuple of 2 floats
     target : float, optional
         tau at which the crossings are wanted.
+    tolerance : float
+        Local error of the integrations; the points' own error is about as large.
 
     Returns
     -------
@@ -170,7 +173,7 @@ def trace(
     points = np.empty((_MOST_POINTS, 4))
     status, count = continuation.trace(
         theta, exponents, parameters.length, family.length, log(end_mass_radius),
-        float(direction), tau_range[0], tau_range[1], SCAN_TOLERANCE * 1e-2, points,
+        float(direction), tau_range[0], tau_range[1], tolerance, points,
     )
     points = points[:count]
     places, turns = [], []
