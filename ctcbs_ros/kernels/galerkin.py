@@ -12,7 +12,8 @@ the end mass entering as a boundary term. Each model of the steady state has its
   normalised by the stretch.
 
 The functions are a linear one and integrated Legendre polynomials, orthonormalised in the mass
-matrix, so that M becomes the unit matrix. They converge faster than the sines of (C.5).
+matrix, so that M becomes the unit matrix. They converge faster than the sines of (C.5). Those of
+a smaller number are the first ones of a larger: so are their matrices.
 """
 
 import numpy as np
@@ -119,58 +120,73 @@ def assemble(theta, length, gamma, elastic, damping, n, nodes, weights, states):
     slope = np.empty((n, q))
     basis(n, length, nodes, value, slope)
 
-    mass = np.zeros((n, n))
-    for i in range(n):
-        for j in range(i + 1):
-            total = 0.0
-            for k in range(q):
-                total += weights[k] * value[i, k] * value[j, k]
-            mass[i, j] = total
-            mass[j, i] = total
+    mass = np.dot(value * weights, value.T)
     mass[0, 0] += theta[M]
-    # Orthonormal functions: the mass matrix becomes the unit matrix.
+    # Orthonormal functions, of which fewer are the first of more: the mass matrix becomes the
+    # unit matrix.
     factor = np.linalg.cholesky(mass)
-    value = np.linalg.solve(factor, value)
-    slope = np.linalg.solve(factor, slope)
-    at_end = np.zeros((n, 1))
-    at_end[0, 0] = 1.0
-    at_end = np.linalg.solve(factor, at_end)[:, 0].copy()
+    at_end = np.zeros(n)
+    at_end[0] = 1.0
+    for i in range(n):
+        for j in range(i):
+            c = factor[i, j]
+            at_end[i] -= c * at_end[j]
+            for k in range(q):
+                value[i, k] -= c * value[j, k]
+                slope[i, k] -= c * slope[j, k]
+        c = 1.0 / factor[i, i]
+        at_end[i] *= c
+        for k in range(q):
+            value[i, k] *= c
+            slope[i, k] *= c
 
     b_rate = np.empty((3, 3))
     b_position = np.empty((3, 3))
     b_slope = np.empty((3, 3))
     stiffness = np.empty((3, 3))
     rub = np.empty((3, 3))
-    # Fields of each pair of coordinates, then four products of matrices a pair.
-    fields = np.empty((5, 3, 3, q))
+    # Fields of each pair of coordinates; two products of matrices make all pairs' blocks.
+    fields = np.empty((5, 9, q))
     for k in range(q):
         local_matrices(
             theta, gamma, elastic, damping, states[k], b_rate, b_position, b_slope, stiffness, rub
         )
         for i in range(3):
             for j in range(3):
-                fields[0, i, j, k] = theta[D_N] * b_rate[i, j] * weights[k]
-                fields[1, i, j, k] = theta[D_N] * b_position[i, j] * weights[k]
-                fields[2, i, j, k] = theta[D_N] * b_slope[i, j] * weights[k]
-                fields[3, i, j, k] = stiffness[i, j] * weights[k]
-                fields[4, i, j, k] = rub[i, j] * weights[k]
+                fields[0, 3 * i + j, k] = theta[D_N] * b_rate[i, j] * weights[k]
+                fields[1, 3 * i + j, k] = theta[D_N] * b_position[i, j] * weights[k]
+                fields[2, 3 * i + j, k] = theta[D_N] * b_slope[i, j] * weights[k]
+                fields[3, 3 * i + j, k] = stiffness[i, j] * weights[k]
+                fields[4, 3 * i + j, k] = rub[i, j] * weights[k]
+    # Without line damping nothing of the damping acts on slopes.
+    used = 2 * q if damping != 0.0 else q
+    tests = np.empty((n, 2 * q))
+    by_rate = np.empty((9 * n, used))
+    by_position = np.empty((9 * n, 2 * q))
+    for r in range(n):
+        for k in range(q):
+            tests[r, k] = value[r, k]
+            tests[r, q + k] = slope[r, k]
+        for pair in range(9):
+            row = pair * n + r
+            for k in range(q):
+                v, d = value[r, k], slope[r, k]
+                by_rate[row, k] = fields[0, pair, k] * v
+                by_position[row, k] = fields[1, pair, k] * v + fields[2, pair, k] * d
+                by_position[row, q + k] = fields[3, pair, k] * d
+            for k in range(used - q):
+                by_rate[row, q + k] = fields[4, pair, k] * slope[r, k]
+    c_blocks = np.dot(tests if damping != 0.0 else value, by_rate.T)
+    k_blocks = np.dot(tests, by_position.T)
 
     a = np.zeros((6 * n, 6 * n))
     half = 3 * n
-    value_t = np.ascontiguousarray(value.T)
-    slope_t = np.ascontiguousarray(slope.T)
     for i in range(3):
-        for j in range(3):
-            c = np.dot(value * fields[0, i, j], value_t)
-            k_matrix = np.dot(value * fields[1, i, j], value_t)
-            k_matrix += np.dot(value * fields[2, i, j], slope_t)
-            k_matrix += np.dot(slope * fields[3, i, j], slope_t)
-            if damping != 0.0:
-                c += np.dot(slope * fields[4, i, j], slope_t)
-            for r in range(n):
+        for r in range(n):
+            for j in range(3):
                 for s in range(n):
-                    a[half + i * n + r, j * n + s] = -k_matrix[r, s]
-                    a[half + i * n + r, half + j * n + s] = -c[r, s]
+                    a[half + i * n + r, j * n + s] = -k_blocks[r, (3 * i + j) * n + s]
+                    a[half + i * n + r, half + j * n + s] = -c_blocks[r, (3 * i + j) * n + s]
     # Drag of the end mass: J_d = x_d diag(1, 2, 1) of Appendix A, on u' + k x u.
     drag = theta[D] * theta[X_D]
     for r in range(n):
