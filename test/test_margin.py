@@ -54,7 +54,10 @@ def test_another_state_of_the_same_orbit_is_computed_in_full():
     states = steady_states(flight_point(configuration, 100.0, 31.3, AIR).parameters).states
     follower = MarginFollower()
     for state in (*states, *states[::-1]):
-        assert follower.update(state) == stability(state)
+        followed, full = follower.update(state), stability(state)
+        assert followed.growth_rate == pytest.approx(full.growth_rate, rel=1e-12)
+        assert followed.frequency == pytest.approx(full.frequency, rel=1e-12, abs=1e-12)
+        assert followed.functions == full.functions
 
 
 @pytest.mark.parametrize("flight", FLIGHTS)
