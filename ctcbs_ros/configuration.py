@@ -6,7 +6,7 @@ A parameter file or the node's parameters go in, a checked and frozen `Configura
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import inf, nan, pi
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 from ctcbs_ros.atmosphere import GRAVITY, standard_atmosphere_density
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.parameter_file import read_parameter_file
-from ctcbs_ros.schema import checked_parameters
+from ctcbs_ros.schema import checked_parameters, with_settings
 
 PHYSICS = ("cable", "end_mass", "air", "envelope")
 
@@ -133,13 +133,15 @@ class Configuration:
     source: str
 
 
-def load_configuration(path: str | Path) -> Configuration:
+def load_configuration(path: str | Path, settings: Sequence[str] = ()) -> Configuration:
     """Read and check a ROS parameter file.
 
     Parameters
     ----------
     path : str or Path
         The file, or the bare name of a shipped one ("small_drone"), see `find_configuration`.
+    settings : sequence of str
+        "KEY=VALUE" each: other values for parameters of the file, written as in the file.
 
     Raises
     ------
@@ -147,7 +149,11 @@ def load_configuration(path: str | Path) -> Configuration:
         If the file cannot be read or anything in it is refused.
     """
     file = find_configuration(path)
-    return configuration_from_mapping(read_parameter_file(file), str(file))
+    values = read_parameter_file(file)
+    if not settings:
+        return configuration_from_mapping(values, str(file))
+    source = f"{file} with {', '.join(settings)}"
+    return configuration_from_mapping(with_settings(values, settings, source), source)
 
 
 def find_configuration(path: str | Path) -> Path:

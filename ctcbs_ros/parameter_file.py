@@ -85,6 +85,17 @@ def read_parameter_file(path: str | Path) -> dict[str, Any]:
     return document
 
 
+def parameter_value(text: str, source: str) -> Any:
+    """One value, as a parameter file would have it behind a key.
+
+    Raises
+    ------
+    InputError
+        If it is not YAML; `source` says where it was given.
+    """
+    return _parse(text, source)
+
+
 def _listed(names: dict[str, Any]) -> str:
     shown = ", ".join(repr(name[:40]) for name in list(names)[:3])
     return shown + (", ..." if len(names) > 3 else "")

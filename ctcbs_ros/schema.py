@@ -4,11 +4,12 @@ The YAML files, the command line and the node's parameter descriptors all follow
 """
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import inf, nan
 from typing import Any
 
 from ctcbs_ros.errors import InputError
+from ctcbs_ros.parameter_file import parameter_value
 from ctcbs_ros.parameter_spec import ParameterSpec, shown
 
 # Parameters that ROS itself gives every node; a parameter file may set them, they are not ours.
@@ -197,6 +198,47 @@ def checked_parameters(mapping: Mapping[str, Any], source: str) -> dict[str, Any
         elif spec.default is not None:
             checked[spec.key] = spec.default
     return checked
+
+
+def with_settings(
+    mapping: Mapping[str, Any], settings: Sequence[str], source: str
+) -> dict[str, Any]:
+    """Parameters of a file with some replaced, by dotted key.
+
+    Parameters
+    ----------
+    mapping : mapping
+        As `checked_parameters` takes it.
+    settings : sequence of str
+        "KEY=VALUE", the value as a file would have it; a whole number may stand for any number.
+    source : str
+        Where the mapping comes from, for the error.
+
+    Raises
+    ------
+    InputError
+        For a setting that is not of that form, a key that is unknown or given twice.
+    """
+    values = _flattened(mapping, source, "")
+    changed = set()
+    for setting in settings:
+        key, equals, text = setting.partition("=")
+        if not (key and equals):
+            raise InputError(f"--set {shown(setting)}: must be KEY=VALUE, as cable.length=1200")
+        if key not in BY_KEY:
+            raise InputError(f"--set {shown(key)}: {_why_unknown(key)}")
+        if key in changed:
+            raise InputError(f"--set {key}: given twice")
+        changed.add(key)
+        values[key] = _numbers(parameter_value(text, f"--set {key}"), BY_KEY[key].type)
+    return values
+
+
+def _numbers(value: Any, kind: type) -> Any:
+    """A whole number where any number may stand, alone or in a range, as that number."""
+    if kind is list and isinstance(value, list):
+        return [_numbers(item, float) for item in value]
+    return float(value) if kind is float and type(value) is int else value
 
 
 def _flattened(mapping: Mapping[str, Any], source: str, prefix: str) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from ctcbs_ros.cli import (
     branch,
     critical_drag,
     cusp,
+    design,
     figures,
     replay,
     simulate,
@@ -60,7 +61,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for command in (steady, branch, cusp, critical_drag, figures, table, replay, simulate, bench):
+    for command in (
+        steady, branch, cusp, critical_drag, design, figures, table, replay, simulate, bench,
+    ):  # fmt: skip
         command.add_parser(commands)
     return parser
 
