@@ -157,12 +157,13 @@ def test_a_busy_machine_is_told_from_a_slow_program():
 
 
 def test_the_table_for_people_is_aligned_and_tells_target_and_peer():
-    shown = text(report_of((row(), outcome()), (row(name="longer", needed=0.01), outcome())))
+    measured = outcome(cpu_median=9e-4)
+    shown = text(report_of((row(), measured), (row(name="longer", needed=0.01), measured)))
     head, line, first, second, *_ = shown.splitlines()
-    assert head.split()[:4] == ["row", "median", "p99", "target"]
+    assert head.split()[:5] == ["row", "median", "cpu", "p99", "target"]
     assert set(line) == {"-", " "}
-    assert first.split() == "some 1 ms 2 ms 1 ms yes scipy 10 ms 1/10 -".split()
-    assert second.split() == "longer 1 ms 2 ms 1 ms NO scipy 10 ms 1/10 1/100".split()
+    assert first.split() == "some 1 ms 900 us 2 ms 1 ms yes scipy 10 ms 1/10 -".split()
+    assert second.split() == "longer 1 ms 900 us 2 ms 1 ms NO scipy 10 ms 1/10 1/100".split()
     assert first.index("scipy") == second.index("scipy") == head.index("peer")
 
 

@@ -110,15 +110,19 @@ def figure(value: float | None, unit: str) -> str:
     return f"{value / scale:.3g} {name}"
 
 
+_HEAD = (
+    "row", "median", "cpu", "p99", "target", "met", "peer", "its median", "ratio", "target"
+)  # fmt: skip
+_LEFT = (0, 6)  # columns of words
+
+
 def text(report: dict) -> str:
     """The report as an aligned table, with what else was found below."""
-    head = ("row", "median", "p99", "target", "met", "peer", "its median", "ratio", "target")
-    lines = [head, *(_cells(row) for row in report["rows"])]
-    widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
-    left = (0, 5)
+    lines = [_HEAD, *(_cells(row) for row in report["rows"])]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(_HEAD))]
     table = [
         "  ".join(
-            cell.ljust(width) if k in left else cell.rjust(width)
+            cell.ljust(width) if k in _LEFT else cell.rjust(width)
             for k, (cell, width) in enumerate(zip(line, widths, strict=True))
         ).rstrip()
         for line in lines
@@ -133,9 +137,9 @@ def text(report: dict) -> str:
     return "\n".join(
         [*table, "", *notes, "", f"{about['cpu']}, {about['cores']} cores, Python "
          f"{about['python']}; {used}",
-         "Medians and p99 by the clock on the wall; ratios, ours over the peer's, by processor "
-         "time, call by call in turn;",
-         "met \"cpu\": in processor time only, this machine being busy with other work."]
+         "Medians and p99 by the clock on the wall, cpu by processor time, as on an idle machine;",
+         "ratios, ours over the peer's, by processor time, call by call in turn; met \"cpu\": by "
+         "processor time only."]
     )  # fmt: skip
 
 
@@ -147,8 +151,9 @@ def _cells(row: dict) -> tuple[str, ...]:
     met = {"no": "NO", None: "-"}.get(row["met"], row["met"])
     peer = f"not installed ({row['peer'].split()[0]})" if row["peer_missing"] else row["peer"]
     return (
-        row["row"], figure(row["median"], unit), figure(row["p99"], unit), target, met, peer,
-        figure(row["peer_median"], unit), _ratio(row["ratio"]), _ratio(row["ratio_target"]),
+        row["row"], figure(row["median"], unit), figure(row["cpu_median"], unit),
+        figure(row["p99"], unit), target, met, peer, figure(row["peer_median"], unit),
+        _ratio(row["ratio"]), _ratio(row["ratio_target"]),
     )  # fmt: skip
 
 

@@ -18,8 +18,8 @@ class Outcome:
     p99 : float or None
         None where it was measured once.
     cpu_median, cpu_p99 : float or None
-        The same by processor time; None where that is no measure of it (several processes, or
-        one that also waits).
+        The same by processor time, about what an idle machine would take; None where that is no
+        measure of it, as of a process that also waits.
     samples : int
     peer_median, ratio, yardstick : float or None
         The peer's figure; ours over the peer's, and over the fixed yardstick, by processor time.
