@@ -265,3 +265,28 @@ def test_arc_lengths_that_fall_are_refused():
     state = steady_states(parameters(figure_3_1(10.0))).states[0]
     with pytest.raises(InputError, match="arc lengths"):
         state.cable([1.0, 0.5])
+
+
+@pytest.mark.parametrize(
+    "point",
+    [
+        {"omega": 30.0, "l": 50.0, "m": 50.0, "d_n": 1e-3, "f": 1.0},
+        {"omega": 1.0, "l": 1e4, "m": 50.0, "d_n": 0.0, "f": 1.0},
+    ],
+    ids=["a whip", "a long line without drag"],
+)  # fmt: skip
+def test_where_states_crowd_without_end_the_search_is_given_up_and_says_so(point):
+    found = steady_states(parameters(point))
+    assert not found.complete
+    assert "given up" in found.reason
+
+
+def test_a_cable_far_longer_than_any_of_table_2_1_is_still_solved():
+    point = figure_3_1(4.8)
+    found = steady_states(parameters({**point, "l": 1e4}))
+    assert found.complete
+    (state,) = found.states
+    assert state.converged
+    # it hangs almost straight down
+    assert state.depth == pytest.approx(1e4, rel=1e-3)
+    assert state.tension_tow_point == pytest.approx(50.0 + 1e4, rel=1e-2)

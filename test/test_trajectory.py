@@ -4,6 +4,8 @@ Differences are of `reference_bvp.shoot`, so that derivative and value are both 
 that the kernels do not share.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from points import STRETCHED, design, figure_3_1, parameters
@@ -160,6 +162,15 @@ def test_radius_at_speed_is_the_family_that_si_units_make():
     assert moved.elasticity == pytest.approx(far.elasticity, rel=1e-12)
 
 
+def test_radius_at_speed_scales_the_elasticity_of_the_vibration_alone_too():
+    # gamma = E/(rho_a a g): the same cable vibrates at half the gamma at twice the radius
+    near = parameters(design(125.0, elastic=False), vibration_elasticity=1483.2)
+    there = RADIUS_AT_SPEED.at(near, np.log(2.0))
+    assert there.elasticity == np.inf
+    assert there.gamma == pytest.approx(741.6, rel=1e-12)
+    assert ANGULAR_RATE.at(near, 0.3).gamma == near.gamma
+
+
 def test_angular_rate_is_the_family_that_si_units_make():
     slow, fast = parameters(design(200.0, speed=40.0)), parameters(design(200.0, speed=50.0))
     moved = ANGULAR_RATE.at(slow, np.log(50.0 / 40.0))
@@ -173,6 +184,10 @@ def test_family_between_two_points_ends_at_the_other():
     there = family.at(start, distance)
     assert there.theta() == pytest.approx(end.theta(), rel=1e-12)
     assert (there.length, there.elasticity) == pytest.approx((end.length, end.elasticity))
+    stiff = replace(start, elasticity=np.inf, vibration_elasticity=500.0)
+    softer = replace(end, elasticity=np.inf, vibration_elasticity=400.0)
+    family, distance = family_between(stiff, softer)
+    assert family.at(stiff, distance).gamma == pytest.approx(400.0, rel=1e-12)
 
 
 def test_a_point_of_the_cable_at_rest_in_the_air_has_no_drag_and_a_finite_derivative():

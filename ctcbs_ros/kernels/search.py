@@ -15,6 +15,9 @@ from numba import njit
 from ctcbs_ros.kernels.trajectory import N_THETA, OK, OMEGA, RHO, X_D, D, G, M, W, integrate
 
 MAX_STEPS = 6000
+# Integration steps that a search may take: ten times what any point of thesis Table 2.1
+# needs, and a fraction of a second. Beyond it h has so many roots that none means anything.
+MOST_WORK = 400_000
 # Strain beyond which a linear-elastic cable means nothing; bounds the search, physics.
 MAX_STRAIN = 3.0
 
@@ -77,40 +80,55 @@ def smallest_radius(theta, length, tolerance, states, mesh):
 
     Drag is quadratic, so that for a small enough radius the tow point's distance from the axis is
     proportional to it; if it is then well inside the tow circle, no smaller radius reaches it.
+
+    Returns
+    -------
+    u : float
+    work : int
+        Integration steps taken.
     """
     u = np.log(1e-2)
-    h, slope, status, _, _ = tow_circle(theta, length, u, tolerance, states, mesh)
+    h, slope, status, work, _ = tow_circle(theta, length, u, tolerance, states, mesh)
     for _ in range(40):
         linear = abs(slope - 2.0 * (h + 1.0)) < 0.2 * (h + 1.0) or h + 1.0 < 1e-12
         if status == OK and h < -0.8 and linear:
             break
         u -= 1.0
-        h, slope, status, _, _ = tow_circle(theta, length, u, tolerance, states, mesh)
-    return u
+        h, slope, status, steps, _ = tow_circle(theta, length, u, tolerance, states, mesh)
+        work += steps
+    return u, work
 
 
 @njit(cache=True)
 def polish(theta, length, low, high, sign_low, tolerance, states, mesh):
-    """Root of h in [low, high] by Newton's method, kept inside the shrinking bracket."""
+    """Root of h in [low, high] by Newton's method, kept inside the shrinking bracket.
+
+    Returns
+    -------
+    u : float
+    work : int
+        Integration steps taken.
+    good : bool
+    """
     u = 0.5 * (low + high)
-    iterations = 0
+    work = 0
     for _ in range(60):
-        h, slope, status, _, _ = tow_circle(theta, length, u, tolerance, states, mesh)
-        iterations += 1
+        h, slope, status, steps, _ = tow_circle(theta, length, u, tolerance, states, mesh)
+        work += steps
         if status != OK:
-            return u, iterations, False
+            return u, work, False
         if h * sign_low > 0.0:
             low = u
         else:
             high = u
         step = -h / slope if slope != 0.0 else np.inf
         if abs(h) < 1e-14 or abs(step) < 1e-13 or high - low < 1e-14:
-            return u, iterations, True
+            return u, work, True
         inside = low < u + step < high
         if inside and abs(step) < 1e-11:
-            return u + step, iterations, True
+            return u + step, work, True
         u = u + step if inside else 0.5 * (low + high)
-    return u, iterations, False
+    return u, work, False
 
 
 @njit(cache=True)
@@ -134,12 +152,20 @@ def _hermite(a, b, ha, da, hb, db, u):
 
 @njit(cache=True)
 def _extremum(theta, length, a, b, da, tolerance, states, mesh):
-    """Locate the extremum of h between a and b; stop as soon as h is found across zero."""
+    """Locate the extremum of h between a and b; stop as soon as h is found across zero.
+
+    Returns
+    -------
+    u, h : float
+    work : int
+        Integration steps taken.
+    """
     low, high = a, b
-    u, h = 0.5 * (a + b), 0.0
+    u, h, work = 0.5 * (a + b), 0.0, 0
     for _ in range(60):
         u = 0.5 * (low + high)
-        h, slope, _, _, _ = tow_circle(theta, length, u, tolerance, states, mesh)
+        h, slope, _, steps, _ = tow_circle(theta, length, u, tolerance, states, mesh)
+        work += steps
         # slope da at a points toward zero: past zero means that two roots have been separated
         if h * da > 0.0 or high - low < 1e-10:
             break
@@ -147,7 +173,7 @@ def _extremum(theta, length, a, b, da, tolerance, states, mesh):
             low = u
         else:
             high = u
-    return u, h
+    return u, h, work
 
 
 @njit(cache=True)
@@ -168,18 +194,19 @@ def all_roots(theta, length, scan_tolerance, tolerance, roots):
     -------
     count : int
         Number of roots written.
-    evaluations : int
-        Number of integrations while searching.
+    work : int
+        Integration steps taken. From `MOST_WORK` on the search has been given up, and the roots
+        are some only; so they are where `roots` is full.
     failures : int
         Integrations that did not finish; roots next to them may be missing.
     """
     states = np.empty((1, 2, 6))
     mesh = np.empty(MAX_STEPS + 1)
-    low = smallest_radius(theta, length, scan_tolerance, states, mesh)
+    low, work = smallest_radius(theta, length, scan_tolerance, states, mesh)
     # The outermost state is nearly straight and ends at the bound itself.
     high = np.log(largest_radius(theta, length) * (1.0 + 1e-6))
     cells = 8
-    count, evaluations, failures = 0, 0, 0
+    count, failures = 0, 0
 
     # A stack of intervals, the leftmost on top.
     stack = np.empty((400, 7))
@@ -188,8 +215,8 @@ def all_roots(theta, length, scan_tolerance, tolerance, roots):
     top = 0
     for i in range(cells):
         u0 = high - (high - low) * (i + 1) / cells
-        h0, d0, s0, _, _ = tow_circle(theta, length, u0, scan_tolerance, states, mesh)
-        evaluations += 1
+        h0, d0, s0, steps, _ = tow_circle(theta, length, u0, scan_tolerance, states, mesh)
+        work += steps
         if s0 != OK:
             failures += 1
         else:
@@ -200,7 +227,7 @@ def all_roots(theta, length, scan_tolerance, tolerance, roots):
                 top += 1
         u1, h1, d1, s1 = u0, h0, d0, s0
 
-    while top > 0:
+    while top > 0 and work < MOST_WORK and count + 1 < roots.shape[0]:
         top -= 1
         a, ha, da = stack[top, 0], stack[top, 1], stack[top, 2]
         b, hb, db = stack[top, 3], stack[top, 4], stack[top, 5]
@@ -210,8 +237,10 @@ def all_roots(theta, length, scan_tolerance, tolerance, roots):
         middle, hm, dm = 0.0, 0.0, 0.0
         if not known and width > 1e-7:
             middle = 0.5 * (a + b)
-            hm, dm, status, _, _ = tow_circle(theta, length, middle, scan_tolerance, states, mesh)
-            evaluations += 1
+            hm, dm, status, steps, _ = tow_circle(
+                theta, length, middle, scan_tolerance, states, mesh
+            )
+            work += steps
             if status != OK:
                 failures += 1
                 continue
@@ -228,8 +257,9 @@ def all_roots(theta, length, scan_tolerance, tolerance, roots):
             top += 2
             continue
         if ha * hb <= 0.0:
-            if count < roots.shape[0] and ha != 0.0:
-                u, _, good = polish(theta, length, a, b, ha, tolerance, states, mesh)
+            if ha != 0.0:
+                u, steps, good = polish(theta, length, a, b, ha, tolerance, states, mesh)
+                work += steps
                 if good:
                     roots[count] = u
                     count += 1
@@ -238,15 +268,16 @@ def all_roots(theta, length, scan_tolerance, tolerance, roots):
             continue
         if da * ha < 0.0 and db * hb > 0.0:
             # h bends towards zero in between: does it touch?
-            u, h = _extremum(theta, length, a, b, da, tolerance, states, mesh)
-            evaluations += 1
-            if h * ha < 0.0 and count + 1 < roots.shape[0]:
-                first, _, good1 = polish(theta, length, a, u, ha, tolerance, states, mesh)
-                second, _, good2 = polish(theta, length, u, b, h, tolerance, states, mesh)
+            u, h, steps = _extremum(theta, length, a, b, da, tolerance, states, mesh)
+            work += steps
+            if h * ha < 0.0:
+                first, steps1, good1 = polish(theta, length, a, u, ha, tolerance, states, mesh)
+                second, steps2, good2 = polish(theta, length, u, b, h, tolerance, states, mesh)
+                work += steps1 + steps2
                 if good1 and good2:
                     roots[count] = first
                     roots[count + 1] = second
                     count += 2
                 else:
                     failures += 1
-    return count, evaluations, failures
+    return count, work, failures

@@ -34,7 +34,10 @@ _MOST_JUMPS = 5
 
 @dataclass(frozen=True)
 class Family:
-    """Exponents of the parameters along a family; `rate`, that of Omega, scales the damping."""
+    """Exponents of the parameters along a family.
+
+    `elasticity` is that of the vibration, too; `rate`, that of Omega, scales the damping.
+    """
 
     name: str
     omega: float = 0.0
@@ -66,6 +69,7 @@ class Family:
             cable_drag=parameters.cable_drag * exp(self.cable_drag * tau),
             drag_ratio=parameters.drag_ratio * exp((self.end_mass_drag - self.cable_drag) * tau),
             elasticity=parameters.elasticity * exp(self.elasticity * tau),
+            vibration_elasticity=parameters.vibration_elasticity * exp(self.elasticity * tau),
             # The time constant of the line does not change, its product with Omega does.
             damping=parameters.damping * exp(self.rate * tau),
         )
@@ -96,7 +100,7 @@ def family_between(start: Parameters, end: Parameters) -> tuple[Family, float]:
         "mass": ratio("end_mass"),
         "cable_drag": ratio("cable_drag"),
         "end_mass_drag": ratio("end_mass_drag"),
-        "elasticity": ratio("elasticity"),
+        "elasticity": ratio("gamma") if start.elastic == end.elastic else 0.0,
         "rate": ratio("damping"),
     }
     distance = max(sum(change**2 for change in changes.values()) ** 0.5, 1e-12)

@@ -116,7 +116,7 @@ def steady_states(parameters: Parameters) -> SteadyStates:
     interpolation (`ctcbs_ros.kernels.search`). Stretched states are sought up to a strain of 3.
     """
     roots = np.empty(_MOST_ROOTS)
-    count, _, failures = search.all_roots(
+    count, work, failures = search.all_roots(
         parameters.theta(), parameters.length, SCAN_TOLERANCE, TOLERANCE, roots
     )
     found = [describe(parameters, u) for u in roots[:count]]
@@ -124,6 +124,12 @@ def steady_states(parameters: Parameters) -> SteadyStates:
     slack = sum(s is not None and s.least_tension <= 0.0 for s in found)
     lost = len(found) - len(states) - slack
     reasons = []
+    given_up = work >= search.MOST_WORK or count + 1 >= _MOST_ROOTS
+    if given_up:
+        reasons.append(
+            "the search was given up: so far from thesis Table 2.1 there are more states than "
+            "mean anything, or a cable too slack to be followed"
+        )
     if failures:
         reasons.append(f"the cable could not be integrated at {failures} trial radii")
     if slack:
@@ -135,7 +141,7 @@ def steady_states(parameters: Parameters) -> SteadyStates:
             f"no end-mass radius brings the cable to the tow circle below a strain of "
             f"{search.MAX_STRAIN:g}"
         )
-    return SteadyStates(states, not (failures or lost), "; ".join(reasons))
+    return SteadyStates(states, not (failures or lost or given_up), "; ".join(reasons))
 
 
 def correct_state(parameters: Parameters, guess: float, max_step: float = 0.3):
