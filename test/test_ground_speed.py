@@ -72,3 +72,15 @@ def test_velocities_that_stand_still_or_repeat_tell_nothing_and_raise_nothing():
     for i in range(400):
         kept.add(0.2 * i, (20.0, 0.0, 0.0))
     assert np.isnan(kept.variation(true_orbit(80.0, 100, 20)))
+
+
+def test_what_was_flown_before_an_orbit_began_does_not_count():
+    kept = GroundSpeedVariation()
+    for i in range(5000):  # long straight flight at a high rate, slower than the circle
+        kept.add(0.02 * i - 100.0, (12.0, 0.0, 0.0))
+    flight = fly([arc(100, 1.5)], 20, np.random.default_rng(4))
+    for time, velocity in zip(flight.time, flight.velocity, strict=True):
+        kept.add(time, velocity)
+    kept.begin(0.0)
+    orbit = true_orbit(flight.time[-1], 100, 20)
+    assert kept.variation(orbit) * 20 < 1.0

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from points import figure_3_1, parameters
 
+from ctcbs_ros.prediction.fold import follow_fold, known_fold
 from ctcbs_ros.prediction.jumps import JumpFinder
-from ctcbs_ros.solver.branches import ANGULAR_RATE, RADIUS_AT_SPEED
+from ctcbs_ros.solver.branches import ANGULAR_RATE, RADIUS_AT_SPEED, branch_ends
 from ctcbs_ros.solver.steady_state import correct_state, steady_states
 
 FAMILIES = (ANGULAR_RATE, RADIUS_AT_SPEED)
@@ -117,3 +118,34 @@ def test_where_the_table_knows_of_no_end_nothing_is_sought_and_later_found_again
     before = finder.update(state)
     assert finder.update(state, may_end=False) == {"angular_rate": None, "radius": None}
     assert finder.update(state) == before
+
+
+def test_ends_that_appear_while_the_flight_changes_are_found_after_a_few_orbits():
+    # Fig. 3.1: above d_n 6.2 there are no folds, at 4.8 there are: denser and denser air.
+    finder, radius = JumpFinder(), None
+    drags = np.linspace(6.6, 4.8, 90)
+    for d_n in drags:
+        p = at(0.9, d_n)
+        state = steady_states(p).states[0] if radius is None else correct_state(p, radius)
+        radius = state.end_mass_radius
+        found = finder.update(state)
+    fresh = JumpFinder().update(state)
+    assert fresh["angular_rate"] is not None
+    assert found["angular_rate"].at == pytest.approx(fresh["angular_rate"].at, abs=1e-7)
+    assert found["radius"].landing_radius == pytest.approx(
+        fresh["radius"].landing_radius, rel=1e-6
+    )
+
+
+def test_a_followed_fold_is_where_a_fine_scan_has_it():
+    state = steady_states(at(1.0)).states[2]
+    end = next(e for e in branch_ends(state) if e.family is ANGULAR_RATE)
+    known = known_fold(state.parameters, end.family, end.fold)
+    # Angular rate and radius of the flight change by a percent each, one after the other.
+    for family in FAMILIES * 3:
+        known = follow_fold(known, family.at(known.parameters, 0.01))
+    radius = correct_state(known.parameters, state.end_mass_radius, 1.0).end_mass_radius
+    flown = next(s for s in steady_states(known.parameters).states if s.slope > 0.0
+                 and abs(log(s.end_mass_radius / radius)) < 1e-6)
+    tau, _ = brute_force(flown, ANGULAR_RATE, 1, 1.0)
+    assert known.fold.tau == pytest.approx(tau, abs=2e-7)

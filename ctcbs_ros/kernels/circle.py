@@ -232,3 +232,45 @@ def mean_rate(time, angle, sigma, with_harmonic):
         return np.nan, np.inf
     variance = inverse[1, 1] * max(1.0, squares / max(n - k, 1))
     return solution[1] / span, variance / span**2
+
+
+@njit(cache=True)
+def velocity_circle(rows, turn):
+    """Centre of the circle of ground velocities, the wind, beside a trend of the airspeed.
+
+    Parameters
+    ----------
+    rows : (n, 3) array
+        Time [s], velocity east and north [m/s].
+    turn : float
+        Duration of a turn [s].
+
+    Returns
+    -------
+    east, north : float
+        [m/s]
+    error : float
+        Standard deviation of the two together [m/s].
+    determined : bool
+        Whether the velocities are different enough.
+    """
+    n = rows.shape[0]
+    design = np.empty((n, 4))
+    squared = np.empty(n)
+    speed = np.sqrt(np.mean(rows[:, 1] ** 2 + rows[:, 2] ** 2))
+    if not 0.0 < speed < np.inf:
+        return 0.0, 0.0, np.inf, False
+    middle = np.mean(rows[:, 0])
+    for i in range(n):
+        # |v|^2 = 2 w.v + A^2 - |w|^2, in units of the speed
+        east, north = rows[i, 1] / speed, rows[i, 2] / speed
+        design[i, 0], design[i, 1] = 2.0 * east, 2.0 * north
+        design[i, 2], design[i, 3] = 1.0, (rows[i, 0] - middle) / turn
+        squared[i] = east**2 + north**2
+    solution = np.empty(4)
+    inverse = np.empty((4, 4))
+    squares, determined = least_squares(design, squared, np.ones(n), solution, inverse)
+    if not determined:
+        return 0.0, 0.0, np.inf, False
+    error = np.sqrt((inverse[0, 0] + inverse[1, 1]) * squares / (n - 4)) * speed
+    return solution[0] * speed, solution[1] * speed, error, True

@@ -11,6 +11,7 @@ from itertools import pairwise
 from math import log
 
 from ctcbs_ros.solver.branches import (
+    FlownBranch,
     branch_from_straight_flight,
     family_between,
     landing,
@@ -71,6 +72,7 @@ class BranchTracker:
         self._branch = MAIN
         self._count = 0
         self._named_at: Parameters | None = None
+        self._straight: tuple[Parameters, FlownBranch] | None = None
 
     def update(self, parameters: Parameters, guesses: Sequence[float] | None) -> Tracked:
         """Find the state flown at the present parameters.
@@ -125,7 +127,7 @@ class BranchTracker:
         """First acquisition: the branch connected to straight flight at this speed and length."""
         if len(states) == 1:
             return 0
-        flown = branch_from_straight_flight(parameters)
+        flown = self._from_straight_flight(parameters)
         chosen = match(states, flown.end_mass_radius)
         if chosen is None:
             # Nothing stable leads here from straight flight: the least radius that does not
@@ -133,12 +135,18 @@ class BranchTracker:
             chosen = next((i for i, state in enumerate(states) if state.slope > 0.0), 0)
         return chosen
 
+    def _from_straight_flight(self, parameters: Parameters) -> FlownBranch:
+        """`branch_from_straight_flight`, once for one orbit."""
+        if self._straight is None or self._straight[0] != parameters:
+            self._straight = parameters, branch_from_straight_flight(parameters)
+        return self._straight[1]
+
     def _far_from_named(self, parameters: Parameters) -> bool:
         return self._named_at is None or family_between(self._named_at, parameters)[1] > _RENAME
 
     def _name(self, parameters: Parameters, states, chosen: int) -> None:
         self._named_at = parameters
-        connected = branch_from_straight_flight(parameters).connected
+        connected = self._from_straight_flight(parameters).connected
         flown = states[chosen : chosen + 1]
         folds = next((i for i, r in enumerate(connected) if match(flown, r) == 0), None)
         if folds is None:

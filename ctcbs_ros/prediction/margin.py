@@ -11,7 +11,7 @@ from math import inf, log
 
 import numpy as np
 
-from ctcbs_ros.prediction.jumps import is_elsewhere
+from ctcbs_ros.prediction.jumps import is_elsewhere, is_on_another_branch
 from ctcbs_ros.solver.branches import ANGULAR_RATE, RADIUS_AT_SPEED, Family
 from ctcbs_ros.solver.mode_sensitivity import Modes, modes
 from ctcbs_ros.solver.parameters import Parameters
@@ -32,17 +32,28 @@ _NOTHING = 1e-5
 # less than this part changes of the slope, which is 0 at a fold, and the mode moves by less than
 # this part of its size and of the gap to other modes.
 _LARGEST_CHANGE = 0.1
+# Samples that the flight must take to leave that reach, for derivatives to be worth their cost.
+_WORTH = 5.0
 # A change (in ln) that is along none of the families, such as that of the cable's length.
 _OTHER_CHANGE = 1e-4
 
 AIR_DENSITY = Family("air density", cable_drag=1.0, end_mass_drag=1.0)
 _FAMILIES = (RADIUS_AT_SPEED, ANGULAR_RATE, AIR_DENSITY)
+# Where the steady state does not stretch, the elasticity of the vibration is a given number.
+_FAMILIES_INEXTENSIBLE = (replace(RADIUS_AT_SPEED, elasticity=0.0), ANGULAR_RATE, AIR_DENSITY)
 
 
 class MarginFollower:
-    """Stability of the tracked state from orbit to orbit."""
+    """Stability of a state from orbit to orbit.
+
+    Attributes
+    ----------
+    renewed : bool
+        Whether the derivatives were computed at the last update.
+    """
 
     def __init__(self):
+        self.renewed = False
         self.reset()
 
     def reset(self) -> None:
@@ -52,20 +63,24 @@ class MarginFollower:
         self._before: SteadyState | None = None
         self._fewer = 0
 
-    def update(self, state: SteadyState) -> Stability:
+    def update(self, state: SteadyState, may_renew: bool = True) -> Stability:
         """Stability of a state, within 0.5 % of the converged one.
 
         Parameters
         ----------
         state : SteadyState
+        may_renew : bool
+            Whether this is the time for computing derivatives, if they are due; it need not be
+            that for all states of an orbit at once.
 
         Returns
         -------
         Stability
         """
+        self.renewed = False
         if self._checked_at is None or is_elsewhere(self._checked_at, state, _RECHECK):
             return self._check(state)
-        now = self._with_fewer(state)
+        now = self._with_fewer(state, may_renew)
         if abs(now[1] - self._coarse[1]) > _OTHER_MODE:
             return self._check(state)
         frequency = max(self._full.frequency + (now[1] - self._coarse[1]), 0.0)
@@ -83,18 +98,19 @@ class MarginFollower:
         if fewer != self._fewer:
             self._known = None
         self._fewer = fewer
-        self._coarse = self._with_fewer(state, may_renew=False)
+        self._coarse = self._with_fewer(state, False)
         return self._full
 
-    def _with_fewer(self, state: SteadyState, may_renew: bool = True) -> tuple[float, float]:
+    def _with_fewer(self, state: SteadyState, may_renew: bool) -> tuple[float, float]:
         """Growth rate and frequency in the smaller number of functions."""
         found = None if self._known is None else _by_derivatives(*self._known, state)
         before, self._before = self._before, state
         if found is not None:
             return found
-        # Derivatives pay only where the flight stays near by.
+        # Derivatives cost as much as four values: they pay where the flight stays near by.
         if may_renew and before is not None and self._stays_near(before, state):
-            known = modes(state, self._fewer, _FAMILIES)
+            self.renewed = True
+            known = modes(state, self._fewer, _families(state.parameters))
             if known is not None:
                 self._known = state, known
                 return _by_derivatives(state, known, state)
@@ -103,7 +119,8 @@ class MarginFollower:
 
     def _stays_near(self, before: SteadyState, state: SteadyState) -> bool:
         change = _along_families(before, state)
-        return change is not None and 4.0 * change[1] < _reach_squared(self._full.growth_rate)
+        reach_squared = _reach_squared(self._full.growth_rate)
+        return change is not None and _WORTH**2 * change[1] < reach_squared
 
 
 def _by_derivatives(
@@ -114,7 +131,7 @@ def _by_derivatives(
     None where that is too far away.
     """
     change = _along_families(there, state)
-    if change is None or is_elsewhere(there, state, _FARTHEST):
+    if change is None or is_on_another_branch(there, state):
         return None
     if abs(state.slope / there.slope - 1.0) > _LARGEST_CHANGE:
         return None
@@ -151,7 +168,7 @@ def _along_families(there: SteadyState, state: SteadyState) -> tuple[np.ndarray,
     """
     start, end = there.parameters, state.parameters
     before, after = _logs(start), _logs(end)
-    along, to_tau = _basis(tuple(value is not None for value in before))
+    along, to_tau = _basis(_families(start), tuple(value is not None for value in before))
     change = np.array(
         [0.0 if None in (a, b) else b - a for a, b in zip(before, after, strict=True)]
     )
@@ -169,18 +186,24 @@ def _along_families(there: SteadyState, state: SteadyState) -> tuple[np.ndarray,
 def _logs(p: Parameters) -> list[float | None]:
     """Logarithms of what families change; None for what is nothing or infinite and stays so."""
     values = (
-        p.omega, p.length, p.end_mass, p.cable_drag, p.end_mass_drag, p.elasticity, p.damping
+        p.omega, p.length, p.end_mass, p.cable_drag, p.end_mass_drag, p.gamma, p.damping
     )  # fmt: skip
     return [log(value) if 0.0 < value < inf else None for value in values]
 
 
+def _families(p: Parameters) -> tuple[Family, ...]:
+    return _FAMILIES if p.elastic else _FAMILIES_INEXTENSIBLE
+
+
 @lru_cache(maxsize=8)
-def _basis(changing: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _basis(
+    families: tuple[Family, ...], changing: tuple[bool, ...]
+) -> tuple[np.ndarray, np.ndarray]:
     """Changes of `_logs` by the tau of each family, (7, 3), and back, (3, 7)."""
     along = np.array(
         [
             (f.omega, f.length, f.mass, f.cable_drag, f.end_mass_drag, f.elasticity, f.rate)
-            for f in _FAMILIES
+            for f in families
         ]
     ).T
     along[~np.array(changing)] = 0.0

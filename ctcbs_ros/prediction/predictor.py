@@ -5,7 +5,7 @@ fitted to an orbit, scaled, solved on the tracked branch, described in SI units 
 """
 
 from dataclasses import replace
-from math import inf, isfinite, log, nan
+from math import isfinite, nan
 
 import numpy as np
 
@@ -15,13 +15,12 @@ from ctcbs_ros.geodesy import Datum, to_geodetic
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.ground_speed import GroundSpeedVariation
 from ctcbs_ros.orbit.orbit import Orbit
-from ctcbs_ros.prediction import pose
-from ctcbs_ros.prediction.branch import BranchTracker, Tracked
+from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import SkipCode, Warning
-from ctcbs_ros.prediction.jumps import JumpFinder
-from ctcbs_ros.prediction.margin import MarginFollower
-from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Geodetic, Jump, Prediction
-from ctcbs_ros.prediction.straight_flight import StraightFlight
+from ctcbs_ros.prediction.history import History
+from ctcbs_ros.prediction.in_si import end_mass_in_si, state_in_si
+from ctcbs_ros.prediction.pose import end_mass_position
+from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Geodetic, Prediction
 from ctcbs_ros.prediction.warnings import (
     end_mass_warnings,
     envelope_warnings,
@@ -32,15 +31,13 @@ from ctcbs_ros.prediction.warnings import (
     wind_warnings,
 )
 from ctcbs_ros.scaling import FlightPoint, flight_point
-from ctcbs_ros.solver.stability import Stability, stability
-from ctcbs_ros.solver.steady_state import SteadyState, steady_states
+from ctcbs_ros.solver.stability import stability
+from ctcbs_ros.solver.steady_state import steady_states
 from ctcbs_ros.table.table import Table
 from ctcbs_ros.telemetry.local_frame import LocalFrame, LocalSample
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.screen import Screen
 
-# A disturbance has settled when it has decayed to 5 %.
-_SETTLED = log(20.0)
 # Without telemetry for longer [s], nothing is known of what was flown meanwhile.
 _LONGEST_GAP = 30.0
 # Worse than this [m], [m/s] nothing is measured, and squares of it stay finite.
@@ -67,11 +64,8 @@ class Predictor:
         self._frame = LocalFrame()
         self._estimator = OrbitEstimator()
         self._ground_speed = GroundSpeedVariation()
-        self._tracker = BranchTracker()
-        self._jumps = JumpFinder()
-        self._margins: list[MarginFollower] = []
-        self._straight = StraightFlight()
-        self._sense = 0
+        self._history = History()
+        self._orbiting = False
         self._flight: int | None = None
         self._last_time = nan
 
@@ -127,9 +121,10 @@ class Predictor:
             self._flight = sample.flight
             self._last_time = nan
             self._frame.new_flight()
-            self._lose_orbit()
-            self._forget_history()
             self._estimator.reset()
+            self._ground_speed.reset()
+            self._history.end()
+            self._orbiting = False
         local = self._frame.localize(sample)
         if local is None:
             return self._skipped(sample, SkipCode.NOT_FINITE)
@@ -139,7 +134,7 @@ class Predictor:
         if isfinite(gap) and (stale := self.stale(gap)):
             warnings.append(stale)
         if gap > _LONGEST_GAP:
-            self._forget_history()
+            self._history.end()
         fix = self._estimator.add(
             sample.time,
             local.position,
@@ -147,17 +142,16 @@ class Predictor:
             _stated(sample.horizontal_accuracy),
             _stated(sample.speed_accuracy),
         )
+        self._ground_speed.add(sample.time, sample.velocity)
         if fix.orbit is None:
-            self._lose_orbit()
-            if self._straight.add(local.position, self._cable_length):
-                self._forget_history()
+            self._orbiting = False
+            self._history.flown_without_orbit(local.position, self._cable_length)
             warnings.append(not_orbiting(fix.reason))
             return self._prediction(sample, None, local, None, nan, warnings)
-        self._straight.reset()
-        if fix.orbit.sense == -self._sense:
-            self._forget_history()
-        self._sense = fix.orbit.sense
-        self._ground_speed.add(sample.time, sample.velocity)
+        if not self._orbiting:
+            self._ground_speed.begin(fix.orbit.start_time)
+            self._orbiting = True
+        self._history.flown_on_orbit(fix.orbit.sense)
         return self._predict(sample, local, fix.orbit, warnings)
 
     def state_at(
@@ -183,7 +177,7 @@ class Predictor:
         if not states:
             return None
         nearest = min(states, key=lambda s: abs(s.end_mass_radius * radius - near_radius))
-        return _in_si(point, nearest, stability(nearest))
+        return state_in_si(point, nearest, stability(nearest))
 
     def _point(self, radius: float, speed: float, density: float) -> FlightPoint:
         return flight_point(
@@ -206,13 +200,12 @@ class Predictor:
             warnings += tracking_warnings(Tracked(None, "", (), "", 0, reason))
             return self._prediction(sample, orbit, local, None, density, warnings)
         guesses = self._table.guesses(point) if self._table is not None else None
-        tracked = self._tracker.update(point.parameters, guesses)
+        tracked = self._history.track(point.parameters, guesses)
         warnings += tracking_warnings(tracked)
         if tracked.state is None:
-            self._jumps.reset()
             return self._prediction(sample, orbit, local, None, density, warnings)
         try:
-            end_mass = self._end_mass_of(orbit, local, point, tracked)
+            end_mass = self._described(orbit, local, point, tracked)
         except ArithmeticError as error:
             warnings += tracking_warnings(replace(tracked, state=None, reason=str(error)))
             return self._prediction(sample, orbit, local, None, density, warnings)
@@ -220,53 +213,26 @@ class Predictor:
             warnings += end_mass_warnings(end_mass, self._configuration.cable, self._limits)
         return self._prediction(sample, orbit, local, end_mass, density, warnings)
 
-    def _end_mass_of(
+    def _described(
         self, orbit: Orbit, local: LocalSample, point: FlightPoint, tracked: Tracked
     ) -> EndMass | None:
-        state = tracked.state
-        if tracked.jumps:
-            self._jumps.reset()
         may_end = self._table is None or self._table.may_end(point)
-        jumps = self._jumps.update(state, may_end)
-        states = (state, *tracked.others)
-        while len(self._margins) < len(states):
-            self._margins.append(MarginFollower())
-        damping, *of_others = (m.update(s) for m, s in zip(self._margins, states, strict=False))
-        si = _in_si(point, state, damping)
-        position = pose.end_mass_position(orbit, point, state)
+        outlook = self._history.outlook(tracked, may_end)
+        position = end_mass_position(orbit, point, tracked.state)
         if not np.all(np.isfinite(position)):
             return None
         ground_up = self._frame.up_of_amsl(self._limits.ground_level_amsl)
         if not isfinite(ground_up):
             ground_up = local.home_up
-        return EndMass(
-            state=si,
-            branch=tracked.branch,
-            position=position,
-            yaw=pose.motion_yaw(orbit, state),
-            covariance=pose.pose_covariance(orbit, point, state),
-            geodetic=self._geodetic(position),
-            height_above_home=float(position[2] - ground_up),
-            circle_center=orbit.center - np.array([0.0, 0.0, si.depth]),
-            cable=pose.cable_points(orbit, point, state),
-            settling_time=_SETTLED / si.margin_per_s if si.margin_per_s > 0.0 else inf,
-            nearest_loss=damping.nearest_loss,
-            others=tuple(
-                _in_si(point, s, d) for s, d in zip(tracked.others, of_others, strict=True)
-            ),
-            jump_in_angular_rate=_scaled(jumps["angular_rate"], point.angular_rate, point.radius),
-            jump_in_speed=_scaled(jumps["angular_rate"], point.speed, point.radius),
-            jump_in_radius=_scaled(jumps["radius"], point.radius, point.radius),
-            method=tracked.method,
-        )
+        geodetic = self._geodetic(position)
+        return end_mass_in_si(orbit, point, tracked, outlook, position, geodetic, ground_up)
 
     def _geodetic(self, position: np.ndarray) -> Geodetic:
-        latitude, longitude, altitude = self.to_geodetic(position[None])[0]
         datum = self.datum
-        return Geodetic(
-            float(latitude), float(longitude), float(altitude),
-            datum is not None and datum.ellipsoidal,
-        )
+        if datum is None:
+            return Geodetic(nan, nan, nan, False)
+        place = to_geodetic(datum, *position.tolist())
+        return Geodetic(*map(float, place), datum.ellipsoidal)
 
     def _air_density(self, local: LocalSample) -> float:
         altitude = local.altitude_amsl
@@ -275,17 +241,6 @@ class Predictor:
             ground = self._limits.ground_level_amsl
             altitude = local.position[2] + (ground if isfinite(ground) else 0.0)
         return self._configuration.air.density_at(altitude)
-
-    def _lose_orbit(self) -> None:
-        self._ground_speed.reset()
-
-    def _forget_history(self) -> None:
-        """Begin a new history: nothing is left of how the end mass moved before."""
-        self._tracker.reset()
-        self._jumps.reset()
-        self._margins.clear()
-        self._straight.reset()
-        self._sense = 0
 
     def _skipped(self, sample: Sample, skip: SkipCode) -> Prediction:
         return Prediction(
@@ -303,28 +258,4 @@ class Predictor:
 def _stated(accuracy: float) -> float:
     """An accuracy, no poorer than still counts in a fit; nan (not known) where it is none."""
     return min(accuracy, _POOREST_ACCURACY) if accuracy > 0.0 else nan
-
-
-def _in_si(point: FlightPoint, state: SteadyState, damping: Stability) -> EndMassState:
-    si = point.state_si(state, damping)
-    return EndMassState(
-        radius=si["end_mass_radius_m"],
-        depth=si["depth_m"],
-        phase_lag=state.phase_lag,
-        tension_end_mass=si["tension_end_mass_n"],
-        tension_tow_point=si["tension_tow_point_n"],
-        margin=damping.margin,
-        margin_per_s=-si["growth_rate_per_s"],
-        frequency_per_s=si["frequency_per_s"],
-        stable=damping.stable,
-        residual=state.residual,
-    )
-
-
-def _scaled(jump: Jump | None, unit: float, tow_radius: float) -> Jump | None:
-    """A jump relative to the present flight, in SI units."""
-    if jump is None:
-        return None
-    return replace(jump, at=jump.at * unit, landing_radius=jump.landing_radius * tow_radius)
-
 

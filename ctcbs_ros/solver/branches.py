@@ -5,6 +5,7 @@ every non-dimensional parameter; tau is the logarithm of what varies. Two famili
 can do: change the angular rate at this radius, change the radius at this speed.
 """
 
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 from math import exp, inf, log
 
@@ -23,6 +24,8 @@ from ctcbs_ros.solver.steady_state import (
 
 _MOST_POINTS = 2000
 _TRACE_TOLERANCE = 1e-8
+# A search for the end of a branch pauses after this many points.
+_PIECE = 20
 # A state is looked for this far (in ln) beyond a fold, where the pair that merged is gone.
 _BEYOND = 1e-4
 # How far inside the present radius (in ln) the branch from straight flight is followed.
@@ -151,6 +154,7 @@ def trace(
     tau_range: tuple[float, float],
     target: float | None = None,
     tolerance: float = _TRACE_TOLERANCE,
+    most_points: int = _MOST_POINTS,
 ) -> Path:
     """Trace a branch through all its folds until it leaves the range of tau.
 
@@ -168,13 +172,15 @@ def trace(
         tau at which the crossings are wanted.
     tolerance : float
         Local error of the integrations; the points' own error is about as large.
+    most_points : int, optional
+        Points after which the trace stops, its status FULL.
 
     Returns
     -------
     Path
     """
     theta, exponents = parameters.theta(), family.exponents()
-    points = np.empty((_MOST_POINTS, 4))
+    points = np.empty((most_points, 4))
     status, count = continuation.trace(
         theta, exponents, parameters.length, family.length, log(end_mass_radius),
         float(direction), tau_range[0], tau_range[1], tolerance, points,
@@ -228,9 +234,34 @@ def branch_end(state: SteadyState, family: Family, direction: int, reach: float)
     reach : float
         How far to look, in tau.
     """
-    tau_range = (-reach, 1e-6) if direction < 0 else (-1e-6, reach)
-    path = trace(state.parameters, state.end_mass_radius, family, direction, tau_range)
-    return path.folds[0] if path.folds else None
+    return drained(branch_end_search(state, family, direction, reach))
+
+
+def branch_end_search(
+    state: SteadyState, family: Family, direction: int, reach: float
+) -> Generator[None, None, Fold | None]:
+    """`branch_end` piece by piece, for a caller who has other things to do in between."""
+    parameters, radius, passed = state.parameters, state.end_mass_radius, 0.0
+    while True:
+        left = reach - passed
+        tau_range = (-left, 1e-6) if direction < 0 else (-1e-6, left)
+        path = trace(parameters, radius, family, direction, tau_range, most_points=_PIECE)
+        if path.folds:
+            return replace(path.folds[0], tau=path.folds[0].tau + direction * passed)
+        if path.status != continuation.FULL:
+            return None
+        tau, radius = float(path.tau[-1]), float(path.end_mass_radius[-1])
+        parameters, passed = family.at(parameters, tau), passed + direction * tau
+        yield
+
+
+def drained(search: Generator):
+    """What a search returns, once it has been run through."""
+    while True:
+        try:
+            next(search)
+        except StopIteration as found:
+            return found.value
 
 
 @dataclass(frozen=True)
@@ -248,20 +279,26 @@ def branch_ends(state: SteadyState) -> tuple[BranchEnd, ...]:
     Folds are looked for from omega 0.02 to 4 or to 2.5 times the present rate, whichever is more,
     and from a quarter of the present radius to 50 times it.
     """
+    return drained(branch_ends_search(state))
+
+
+def branch_ends_search(state: SteadyState) -> Generator[None, None, tuple[BranchEnd, ...]]:
+    """`branch_ends` piece by piece."""
     omega = state.parameters.omega
     slowest = max(log(omega / 0.02), 0.1)
     fastest = max(log(4.0 / omega), log(2.5))
-    reaches = (
+    ends = []
+    for family, direction, reach in (
         (ANGULAR_RATE, -1, slowest),
         (ANGULAR_RATE, 1, fastest),
         (RADIUS_AT_SPEED, -1, log(4.0)),
         (RADIUS_AT_SPEED, 1, log(50.0)),
-    )
-    ends = (
-        (branch_end(state, family, direction, reach), family, direction)
-        for family, direction, reach in reaches
-    )
-    return tuple(BranchEnd(*end) for end in ends if end[0] is not None)
+    ):
+        fold = yield from branch_end_search(state, family, direction, reach)
+        if fold is not None:
+            ends.append(BranchEnd(fold, family, direction))
+        yield
+    return tuple(ends)
 
 
 def beyond(parameters: Parameters, fold: Fold, family: Family, direction: int) -> Parameters:
@@ -293,11 +330,22 @@ def landing(
     A steady-state rule: which of several stable states a real jump reaches is decided by the
     transient, which is not computed here.
     """
+    return drained(landing_search(parameters, fold, family, direction))
+
+
+def landing_search(
+    parameters: Parameters, fold: Fold, family: Family, direction: int
+) -> Generator[None, None, SteadyState | None]:
+    """`landing` piece by piece."""
     there = beyond(parameters, fold, family, direction)
-    stable = [s for s in steady_states(there).states if s.slope > 0.0 and stability(s).stable]
-    return min(
-        stable, key=lambda s: abs(log(s.end_mass_radius / fold.end_mass_radius)), default=None
-    )
+    left = [s for s in steady_states(there).states if s.slope > 0.0]
+    for state in sorted(
+        left, key=lambda s: abs(log(s.end_mass_radius / fold.end_mass_radius))
+    ):
+        yield
+        if stability(state).stable:
+            return state
+    return None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,97 @@
+"""The tracked state described in SI units and in the local frame: what a prediction publishes."""
+
+from dataclasses import replace
+from math import inf, log
+
+import numpy as np
+
+from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.prediction import pose
+from ctcbs_ros.prediction.branch import Tracked
+from ctcbs_ros.prediction.history import Outlook
+from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Geodetic, Jump
+from ctcbs_ros.scaling import FlightPoint
+from ctcbs_ros.solver.stability import Stability
+from ctcbs_ros.solver.steady_state import SteadyState
+
+# A disturbance has settled when it has decayed to 5 %.
+_SETTLED = log(20.0)
+
+
+def end_mass_in_si(
+    orbit: Orbit,
+    point: FlightPoint,
+    tracked: Tracked,
+    outlook: Outlook,
+    position: np.ndarray,
+    geodetic: Geodetic,
+    ground_up: float,
+) -> EndMass:
+    """Everything that is known of the end mass on a tracked branch.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    point : FlightPoint
+        The orbit scaled.
+    tracked : Tracked
+        With a state.
+    outlook : Outlook
+    position : (3,) ndarray
+        Of the end mass, see `pose.end_mass_position` [m].
+    geodetic : Geodetic
+        The same position.
+    ground_up : float
+        Up coordinate of the ground [m]; nan if unknown.
+
+    Raises
+    ------
+    ArithmeticError
+        If the cable cannot be integrated.
+    """
+    state = state_in_si(point, tracked.state, outlook.stability)
+    return EndMass(
+        state=state,
+        branch=tracked.branch,
+        position=position,
+        yaw=pose.motion_yaw(orbit, tracked.state),
+        covariance=pose.pose_covariance(orbit, point, tracked.state),
+        geodetic=geodetic,
+        height_above_home=float(position[2] - ground_up),
+        circle_center=orbit.center - np.array([0.0, 0.0, state.depth]),
+        cable=pose.cable_points(orbit, point, tracked.state),
+        settling_time=_SETTLED / state.margin_per_s if state.margin_per_s > 0.0 else inf,
+        nearest_loss=outlook.stability.nearest_loss,
+        others=tuple(
+            state_in_si(point, other, stability)
+            for other, stability in zip(tracked.others, outlook.of_others, strict=True)
+        ),
+        jump_in_angular_rate=_jump_in_si(outlook.in_angular_rate, point.angular_rate, point),
+        jump_in_speed=_jump_in_si(outlook.in_angular_rate, point.speed, point),
+        jump_in_radius=_jump_in_si(outlook.in_radius, point.radius, point),
+        method=tracked.method,
+    )
+
+
+def state_in_si(point: FlightPoint, state: SteadyState, stability: Stability) -> EndMassState:
+    """A steady state of a flight point in SI units."""
+    si = point.state_si(state, stability)
+    return EndMassState(
+        radius=si["end_mass_radius_m"],
+        depth=si["depth_m"],
+        phase_lag=state.phase_lag,
+        tension_end_mass=si["tension_end_mass_n"],
+        tension_tow_point=si["tension_tow_point_n"],
+        margin=stability.margin,
+        margin_per_s=-si["growth_rate_per_s"],
+        frequency_per_s=si["frequency_per_s"],
+        stable=stability.stable,
+        residual=state.residual,
+    )
+
+
+def _jump_in_si(jump: Jump | None, unit: float, point: FlightPoint) -> Jump | None:
+    """A jump relative to the present flight, its quantity in the unit of the present one."""
+    if jump is None:
+        return None
+    return replace(jump, at=jump.at * unit, landing_radius=jump.landing_radius * point.radius)
