@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from ctcbs_ros.solver.branches import ANGULAR_RATE, trace
+from ctcbs_ros.solver.branches import trace
+from ctcbs_ros.solver.family import ANGULAR_RATE
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import cable_states, steady_states
 

@@ -11,12 +11,8 @@ import pytest
 from points import FIVE, figure_3_1, parameters
 
 from ctcbs_ros.prediction.branch import BranchTracker, follow
-from ctcbs_ros.solver.branches import (
-    RADIUS_AT_SPEED,
-    branch_from_straight_flight,
-    family_between,
-    match,
-)
+from ctcbs_ros.solver.family import RADIUS_AT_SPEED, family_between
+from ctcbs_ros.solver.flown import branch_from_straight_flight, match
 from ctcbs_ros.solver.steady_state import steady_states
 
 D_N = 4.8

@@ -9,16 +9,9 @@ from reference_bvp import brute_force, residual
 from scipy.optimize import root
 
 from ctcbs_ros.kernels.continuation import LEFT_RANGE, correct_fold
-from ctcbs_ros.solver.branches import (
-    ANGULAR_RATE,
-    branch_end,
-    branch_ends,
-    branch_from_straight_flight,
-    family_between,
-    landing,
-    match,
-    trace,
-)
+from ctcbs_ros.solver.branches import branch_end, branch_ends, trace
+from ctcbs_ros.solver.family import ANGULAR_RATE, family_between
+from ctcbs_ros.solver.flown import branch_from_straight_flight, landing, match
 from ctcbs_ros.solver.stability import eigenvalues, stability
 from ctcbs_ros.solver.steady_state import describe, steady_states
 

@@ -8,7 +8,8 @@ from points import figure_3_1, parameters
 
 from ctcbs_ros.prediction.fold import follow_fold, known_fold
 from ctcbs_ros.prediction.jumps import JumpFinder
-from ctcbs_ros.solver.branches import ANGULAR_RATE, RADIUS_AT_SPEED, branch_ends
+from ctcbs_ros.solver.branches import branch_ends
+from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED
 from ctcbs_ros.solver.steady_state import correct_state, steady_states
 
 FAMILIES = (ANGULAR_RATE, RADIUS_AT_SPEED)

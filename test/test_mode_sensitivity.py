@@ -7,7 +7,7 @@ from folding_flight import AIR, folding_configuration
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.prediction.margin import AIR_DENSITY
 from ctcbs_ros.scaling import flight_point
-from ctcbs_ros.solver.branches import ANGULAR_RATE, RADIUS_AT_SPEED
+from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED
 from ctcbs_ros.solver.mode_sensitivity import modes
 from ctcbs_ros.solver.stability import eigenvalues
 from ctcbs_ros.solver.steady_state import correct_state, steady_states

@@ -7,7 +7,8 @@ import pytest
 from folding_flight import AIR, folding_configuration
 
 from ctcbs_ros.scaling import flight_point
-from ctcbs_ros.solver.branches import ANGULAR_RATE, RADIUS_AT_SPEED, branch_ends
+from ctcbs_ros.solver.branches import branch_ends
+from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import correct_state, steady_states
 from ctcbs_ros.table.build import build_table

@@ -9,7 +9,9 @@ from points import design, figure_3_1, figure_4_1, parameters
 
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.scaling import flight_point
-from ctcbs_ros.solver.branches import ANGULAR_RATE, landing, trace
+from ctcbs_ros.solver.branches import trace
+from ctcbs_ros.solver.family import ANGULAR_RATE
+from ctcbs_ros.solver.flown import landing
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
 

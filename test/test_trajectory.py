@@ -15,7 +15,7 @@ from scipy.special import j0, j1, y0, y1
 from ctcbs_ros.kernels import search
 from ctcbs_ros.kernels.continuation import level
 from ctcbs_ros.kernels.trajectory import N_THETA, OK, integrate, integrate_halved
-from ctcbs_ros.solver.branches import ANGULAR_RATE, RADIUS_AT_SPEED, family_between
+from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED, family_between
 from ctcbs_ros.solver.sensitivity import sensitivities
 from ctcbs_ros.solver.steady_state import steady_states
 

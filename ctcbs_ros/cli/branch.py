@@ -90,8 +90,8 @@ def _varied(name: str, point) -> dict[str, float]:
 
 def _problem(args):
     """Parameters, family, present value of what varies, and its name in the result."""
-    from ctcbs_ros.solver.branches import ANGULAR_RATE, RADIUS_AT_SPEED, Family
     from ctcbs_ros.solver.diagram import VARIED
+    from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED, Family
 
     if args.vary in _SI:
         if args.config is None:

@@ -5,7 +5,9 @@ from math import log
 
 import numpy as np
 
-from ctcbs_ros.solver.branches import Family, beyond, landing, trace
+from ctcbs_ros.solver.branches import beyond, trace
+from ctcbs_ros.solver.family import Family
+from ctcbs_ros.solver.flown import landing
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import SteadyState
 

@@ -4,14 +4,9 @@ from dataclasses import dataclass, replace
 from math import exp, inf, isfinite, log1p, nan
 
 from ctcbs_ros.scaling import FlightPoint
-from ctcbs_ros.solver.branches import (
-    ANGULAR_RATE,
-    RADIUS_AT_SPEED,
-    Family,
-    branch_end,
-    branch_from_straight_flight,
-    match,
-)
+from ctcbs_ros.solver.branches import branch_end
+from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED, Family
+from ctcbs_ros.solver.flown import branch_from_straight_flight, match
 from ctcbs_ros.solver.stability import Stability, stability
 from ctcbs_ros.solver.steady_state import SteadyState, steady_states
 

@@ -16,7 +16,7 @@ from ctcbs_ros.configuration import Configuration
 from ctcbs_ros.design.path import Stretch, WayJump, follow_way, on_way, stretch_at
 from ctcbs_ros.design.point import DesignPoint, point_of
 from ctcbs_ros.scaling import FlightPoint, flight_point
-from ctcbs_ros.solver.branches import RADIUS_AT_SPEED, Family
+from ctcbs_ros.solver.family import RADIUS_AT_SPEED, Family
 from ctcbs_ros.solver.steady_state import steady_states
 
 DEPLOYMENT, ENTRY = "deployment", "entry"

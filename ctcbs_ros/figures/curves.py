@@ -9,8 +9,10 @@ from itertools import pairwise
 from math import hypot, log, nan
 
 from ctcbs_ros.figures.rows import Row
-from ctcbs_ros.solver.branches import ANGULAR_RATE, Family, Fold, landing
+from ctcbs_ros.solver.branches import Fold
 from ctcbs_ros.solver.diagram import DiagramBranch, Event, diagram, first_minimum
+from ctcbs_ros.solver.family import ANGULAR_RATE, Family
+from ctcbs_ros.solver.flown import landing
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import correct_state

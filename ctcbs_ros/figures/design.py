@@ -7,8 +7,8 @@ from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.figures import curves
 from ctcbs_ros.figures.rows import Row
 from ctcbs_ros.scaling import FlightPoint, flight_point
-from ctcbs_ros.solver.branches import RADIUS_AT_SPEED
 from ctcbs_ros.solver.diagram import VARIED
+from ctcbs_ros.solver.family import RADIUS_AT_SPEED
 
 COLUMNS = (*curves.COLUMNS, "tow_radius_m", "cable_length_m", "frontal_area_m2")
 SPEED, LARGEST, SMALLEST = 50.0, 250.0, 100.0

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import log
 
-from ctcbs_ros.solver.branches import (
+from ctcbs_ros.solver.branches import trace
+from ctcbs_ros.solver.family import family_between
+from ctcbs_ros.solver.flown import (
     FlownBranch,
     branch_from_straight_flight,
-    family_between,
     landing,
     match,
-    trace,
 )
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import SteadyState, correct_state, steady_states

@@ -12,7 +12,8 @@ import numpy as np
 from ctcbs_ros.kernels.continuation import correct_fold, level
 from ctcbs_ros.kernels.search import MAX_STEPS
 from ctcbs_ros.kernels.trajectory import OK
-from ctcbs_ros.solver.branches import ANGULAR_RATE, Family, Fold
+from ctcbs_ros.solver.branches import Fold
+from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import TOLERANCE
 

@@ -10,15 +10,9 @@ from math import exp, expm1, isnan, log, nan
 
 from ctcbs_ros.prediction.fold import KnownFold, follow_fold, known_fold
 from ctcbs_ros.prediction.prediction import Jump
-from ctcbs_ros.solver.branches import (
-    ANGULAR_RATE,
-    RADIUS_AT_SPEED,
-    beyond,
-    branch_ends_search,
-    drained,
-    family_between,
-    landing_search,
-)
+from ctcbs_ros.solver.branches import beyond, branch_ends_search, drained
+from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED, family_between
+from ctcbs_ros.solver.flown import landing_search
 from ctcbs_ros.solver.steady_state import SteadyState, correct_state
 
 # A change of the flight (in ln) after which the ends are searched for anew, piece by piece, and

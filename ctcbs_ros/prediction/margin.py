@@ -12,7 +12,7 @@ from math import inf, log
 import numpy as np
 
 from ctcbs_ros.prediction.jumps import is_elsewhere, is_on_another_branch
-from ctcbs_ros.solver.branches import ANGULAR_RATE, RADIUS_AT_SPEED, Family
+from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED, Family
 from ctcbs_ros.solver.mode_sensitivity import Modes, modes
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import FUNCTIONS, Stability, stability

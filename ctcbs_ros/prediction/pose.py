@@ -6,7 +6,7 @@ import numpy as np
 
 from ctcbs_ros.orbit.orbit import ORBIT_STATE, Orbit
 from ctcbs_ros.scaling import FlightPoint
-from ctcbs_ros.solver.branches import ANGULAR_RATE, Family
+from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.sensitivity import sensitivities
 from ctcbs_ros.solver.steady_state import SteadyState
 

@@ -1,114 +1,22 @@
-"""Branches of steady states: where one ends in a fold, what lies beyond, which one is flown.
-
-A branch is followed along a `Family`, a one-parameter change of the flight that is a power law in
-every non-dimensional parameter; tau is the logarithm of what varies. Two families are what a pilot
-can do: change the angular rate at this radius, change the radius at this speed.
-"""
+"""Branches of steady states along a family: traced through their folds, and where they end."""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
-from math import exp, inf, log
+from math import exp, log
 
 import numpy as np
 
 from ctcbs_ros.kernels import continuation
-from ctcbs_ros.kernels.trajectory import D_N, N_THETA, OMEGA, D, G, M, W
+from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED, Family
 from ctcbs_ros.solver.parameters import Parameters
-from ctcbs_ros.solver.stability import stability
-from ctcbs_ros.solver.steady_state import (
-    TOLERANCE,
-    SteadyState,
-    correct_state,
-    steady_states,
-)
+from ctcbs_ros.solver.steady_state import TOLERANCE, SteadyState, correct_state
 
 _MOST_POINTS = 2000
 _TRACE_TOLERANCE = 1e-8
 # A search for the end of a branch pauses after this many points.
 _PIECE = 20
 # A state is looked for this far (in ln) beyond a fold, where the pair that merged is gone.
-_BEYOND = 1e-4
-# How far inside the present radius (in ln) the branch from straight flight is followed.
-_INWARD = log(4.0)
-# Radii closer than this (in ln) may be one state, found in two ways.
-_SAME_STATE = 1e-3
-_MOST_JUMPS = 5
-
-
-@dataclass(frozen=True)
-class Family:
-    """Exponents of the parameters along a family.
-
-    `elasticity` is that of the vibration, too; `rate`, that of Omega, scales the damping.
-    """
-
-    name: str
-    omega: float = 0.0
-    length: float = 0.0
-    mass: float = 0.0
-    cable_drag: float = 0.0
-    end_mass_drag: float = 0.0
-    elasticity: float = 0.0
-    rate: float = 0.0
-
-    def exponents(self) -> np.ndarray:
-        """Exponents in the order of the kernels' theta, (8,)."""
-        e = np.zeros(N_THETA)
-        e[OMEGA] = self.omega
-        e[M] = e[W] = self.mass
-        e[D_N] = self.cable_drag
-        e[D] = self.end_mass_drag
-        e[G] = -self.elasticity
-        return e
-
-    def at(self, parameters: Parameters, tau: float) -> Parameters:
-        """The parameters at tau; tau = 0 gives `parameters` themselves."""
-        return replace(
-            parameters,
-            omega=parameters.omega * exp(self.omega * tau),
-            length=parameters.length * exp(self.length * tau),
-            end_mass=parameters.end_mass * exp(self.mass * tau),
-            end_weight=parameters.end_weight * exp(self.mass * tau),
-            cable_drag=parameters.cable_drag * exp(self.cable_drag * tau),
-            drag_ratio=parameters.drag_ratio * exp((self.end_mass_drag - self.cable_drag) * tau),
-            elasticity=parameters.elasticity * exp(self.elasticity * tau),
-            vibration_elasticity=parameters.vibration_elasticity * exp(self.elasticity * tau),
-            # The time constant of the line does not change, its product with Omega does.
-            damping=parameters.damping * exp(self.rate * tau),
-        )
-
-
-# Angular rate (or speed) at fixed tow radius: omega = Omega sqrt(a / g).
-ANGULAR_RATE = Family("angular_rate", omega=1.0, rate=1.0)
-# Tow radius at fixed speed: lengths, masses and gamma are in units of a, d_n is proportional to a.
-RADIUS_AT_SPEED = Family(
-    "radius", omega=-0.5, length=-1.0, mass=-1.0, cable_drag=1.0, elasticity=-1.0, rate=-1.0
-)
-
-
-def family_between(start: Parameters, end: Parameters) -> tuple[Family, float]:
-    """The family that leads from one parameter point to another, and the tau of the other.
-
-    Air buoyancy of the cable (`density`) stays that of the start: it is no power law, and changes
-    by parts in a thousand.
-    """
-    def ratio(name):
-        before, after = getattr(start, name), getattr(end, name)
-        # What is nothing or infinite (no drag, no stretch) is no power law, and stays.
-        return log(after / before) if 0.0 < before < inf and 0.0 < after < inf else 0.0
-
-    changes = {
-        "omega": ratio("omega"),
-        "length": ratio("length"),
-        "mass": ratio("end_mass"),
-        "cable_drag": ratio("cable_drag"),
-        "end_mass_drag": ratio("end_mass_drag"),
-        "elasticity": ratio("gamma") if start.elastic == end.elastic else 0.0,
-        "rate": ratio("damping"),
-    }
-    distance = max(sum(change**2 for change in changes.values()) ** 0.5, 1e-12)
-    scaled = {name: change / distance for name, change in changes.items()}
-    return Family("between", **scaled), distance
+BEYOND = 1e-4
 
 
 @dataclass(frozen=True)
@@ -303,114 +211,4 @@ def branch_ends_search(state: SteadyState) -> Generator[None, None, tuple[Branch
 
 def beyond(parameters: Parameters, fold: Fold, family: Family, direction: int) -> Parameters:
     """The parameters just beyond a fold, where the pair of states that merged is gone."""
-    return family.at(parameters, fold.tau + direction * _BEYOND)
-
-
-def landing(
-    parameters: Parameters, fold: Fold, family: Family, direction: int
-) -> SteadyState | None:
-    """The stable state that remains just beyond a fold, the nearest in ln(radius) if several.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        At tau = 0.
-    fold : Fold
-    family : Family
-    direction : int
-        The way tau goes through the fold.
-
-    Returns
-    -------
-    SteadyState or None
-        None where no state beyond the fold is stable.
-
-    Notes
-    -----
-    A steady-state rule: which of several stable states a real jump reaches is decided by the
-    transient, which is not computed here.
-    """
-    return drained(landing_search(parameters, fold, family, direction))
-
-
-def landing_search(
-    parameters: Parameters, fold: Fold, family: Family, direction: int
-) -> Generator[None, None, SteadyState | None]:
-    """`landing` piece by piece."""
-    there = beyond(parameters, fold, family, direction)
-    left = [s for s in steady_states(there).states if s.slope > 0.0]
-    for state in sorted(
-        left, key=lambda s: abs(log(s.end_mass_radius / fold.end_mass_radius))
-    ):
-        yield
-        if stability(state).stable:
-            return state
-    return None
-
-
-@dataclass(frozen=True)
-class FlownBranch:
-    """The state reached by tightening the circle at constant speed from straight flight.
-
-    Attributes
-    ----------
-    end_mass_radius : float
-        Of the state expected to be flown; nan if a jump on the way lands nowhere stable.
-    connected : tuple of float
-        All states of the branch connected to a -> infinity, in the order in which it meets them.
-    jumps : int
-        Number of folds passed on the way, each with a jump.
-    """
-
-    end_mass_radius: float
-    connected: tuple[float, ...]
-    jumps: int
-
-
-def branch_from_straight_flight(parameters: Parameters) -> FlownBranch:
-    """Follow the branch connected to an infinite tow radius, at this speed and cable length.
-
-    Parameters
-    ----------
-    parameters : Parameters
-        At the present radius.
-
-    Returns
-    -------
-    FlownBranch
-    """
-    far = _far_away(parameters)
-    start = RADIUS_AT_SPEED.at(parameters, far)
-    states = steady_states(start).states
-    if len(states) != 1:
-        return FlownBranch(float("nan"), (), 0)
-    state, connected = states[0], None
-    for jumps in range(_MOST_JUMPS):
-        path = trace(
-            start, state.end_mass_radius, RADIUS_AT_SPEED, -1, (-far - _INWARD, 0.05), target=-far
-        )
-        if connected is None:
-            connected = path.crossings
-        if path.ahead is None:
-            flown = path.crossings[0] if path.crossings else float("nan")
-            return FlownBranch(flown, connected, jumps)
-        state = landing(start, path.ahead, RADIUS_AT_SPEED, -1)
-        if state is None:
-            return FlownBranch(float("nan"), connected, jumps + 1)
-        far += path.ahead.tau - _BEYOND
-        if far <= 0.0:
-            return FlownBranch(state.end_mass_radius, connected, jumps + 1)
-        start = state.parameters
-    return FlownBranch(float("nan"), connected, _MOST_JUMPS)
-
-
-def _far_away(parameters: Parameters) -> float:
-    """tau of a tow radius so large that the cable is towed almost straight behind."""
-    return log(max(parameters.length / 0.02, parameters.omega**2 / 0.02**2, 2.0))
-
-
-def match(states, end_mass_radius: float) -> int | None:
-    """Index of the state nearest to an end-mass radius; None if none is within 0.1 %."""
-    far = [abs(log(state.end_mass_radius / end_mass_radius)) for state in states]
-    nearest = min(range(len(far)), key=far.__getitem__, default=None)
-    return nearest if nearest is not None and far[nearest] < _SAME_STATE else None
+    return family.at(parameters, fold.tau + direction * BEYOND)

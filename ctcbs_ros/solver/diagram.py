@@ -13,7 +13,8 @@ import numpy as np
 
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.kernels import continuation
-from ctcbs_ros.solver.branches import ANGULAR_RATE, Family, trace
+from ctcbs_ros.solver.branches import trace
+from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.level_set import curves
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability

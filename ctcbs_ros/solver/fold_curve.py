@@ -17,7 +17,7 @@ from ctcbs_ros.errors import InputError
 from ctcbs_ros.kernels import fold_curve as kernel
 from ctcbs_ros.kernels.search import MAX_STEPS
 from ctcbs_ros.kernels.trajectory import OK
-from ctcbs_ros.solver.branches import ANGULAR_RATE, Family
+from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.level_set import curves
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import TOLERANCE

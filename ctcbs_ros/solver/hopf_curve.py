@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from ctcbs_ros.kernels import fold_curve as kernel
 from ctcbs_ros.kernels.trajectory import OK
-from ctcbs_ros.solver.branches import ANGULAR_RATE
+from ctcbs_ros.solver.family import ANGULAR_RATE
 from ctcbs_ros.solver.fold_curve import DRAG_RANGE, OMEGA_RANGE, Surface, checked_box
 from ctcbs_ros.solver.level_set import curves
 from ctcbs_ros.solver.parameters import Parameters

@@ -11,7 +11,7 @@ import numpy as np
 
 from ctcbs_ros.kernels import continuation
 from ctcbs_ros.kernels.search import all_roots
-from ctcbs_ros.solver.branches import Family
+from ctcbs_ros.solver.family import Family
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import SCAN_TOLERANCE, correct_state
 

@@ -14,7 +14,7 @@ from scipy.optimize import root
 from ctcbs_ros.kernels import continuation
 from ctcbs_ros.kernels.search import MAX_STEPS
 from ctcbs_ros.kernels.trajectory import OK
-from ctcbs_ros.solver.branches import ANGULAR_RATE, Family
+from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import TOLERANCE, correct_state, steady_states

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg.lapack import dgeev
 from threadpoolctl import ThreadpoolController
 
-from ctcbs_ros.solver.branches import Family
+from ctcbs_ros.solver.family import Family
 from ctcbs_ros.solver.stability import vibration_matrix
 from ctcbs_ros.solver.steady_state import SteadyState, correct_state
 

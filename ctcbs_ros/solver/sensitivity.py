@@ -4,7 +4,7 @@ import numpy as np
 
 from ctcbs_ros.kernels.search import MAX_STEPS
 from ctcbs_ros.kernels.trajectory import N_THETA, OK, X_D, G, integrate
-from ctcbs_ros.solver.branches import Family
+from ctcbs_ros.solver.family import Family
 from ctcbs_ros.solver.steady_state import SteadyState
 
 _TOLERANCE = 1e-8

@@ -8,7 +8,8 @@ from tqdm import tqdm
 
 from ctcbs_ros.configuration import Configuration
 from ctcbs_ros.scaling import flight_point
-from ctcbs_ros.solver.branches import ANGULAR_RATE, RADIUS_AT_SPEED, branch_ends
+from ctcbs_ros.solver.branches import branch_ends
+from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED
 from ctcbs_ros.solver.sensitivity import sensitivities
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import SteadyState, steady_states
