@@ -153,6 +153,8 @@ def agrees(here, value):
     """Whether a number or word of a table is the value, to the digits shown."""
     if here in ("true", "false", "null"):
         return value is {"true": True, "false": False, "null": None}[here]
+    if isinstance(value, str):
+        return here == value
     mantissa, _, exponent = here.partition("e")
     digits = len(mantissa.partition(".")[2])
     unit = 10.0 ** (int(exponent or 0) - digits)
