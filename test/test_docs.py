@@ -229,6 +229,7 @@ def test_frequencies_by_the_bounce_mode_are_those_of_the_theory_page():
             assert agrees(said, found)
 
 
+@pytest.mark.slow
 def test_five_sines_give_the_edges_that_the_thesis_states():
     # Fig. 4.1, d_n 1.33, text: 1.8, 2.2, 2.8
     edges = re.search(r"d_n 1.33 are ([\d.]+), ([\d.]+) and ([\d.]+), as", THESIS).groups()
