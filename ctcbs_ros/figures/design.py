@@ -20,9 +20,9 @@ _SHORTEST = 0.02
 def against_radius(name: str, frontal_area: float, elastic: bool) -> list[Row]:
     """The branches from the smallest to the largest tow radius, at one speed and cable length."""
     flight = _flight(frontal_area, elastic)
-    rows = curves.curve(
-        name, flight.parameters, RADIUS_AT_SPEED, LARGEST, SMALLEST, LARGEST
-    )
+    # The thesis's gamma of the vibration is 600 at every radius.
+    family = RADIUS_AT_SPEED if elastic else replace(RADIUS_AT_SPEED, elasticity=0.0)
+    rows = curves.curve(name, flight.parameters, family, LARGEST, SMALLEST, LARGEST)
     return [
         row | _dimensions(flight.cable_length / row["length"], flight.cable_length, frontal_area)
         for row in rows
@@ -33,9 +33,7 @@ def against_length(name: str, frontal_area: float, elastic: bool) -> list[Row]:
     """The branches while the cable is deployed, at the largest tow radius."""
     flight = _flight(frontal_area, elastic)
     longest = flight.parameters.length
-    rows = curves.curve(
-        name, flight.parameters, VARIED["length"], longest, _SHORTEST, longest
-    )
+    rows = curves.curve(name, flight.parameters, VARIED["length"], longest, _SHORTEST, longest)
     return [row | _dimensions(LARGEST, row["length"] * LARGEST, frontal_area) for row in rows]
 
 
