@@ -1,9 +1,14 @@
 """The design procedure: Chapter 5's two designs, verdicts, deployments and remedies."""
 
+import base64
 import json
+import os
+import shlex
+import signal
 import subprocess
 import sys
 from dataclasses import replace
+from html.parser import HTMLParser
 from math import inf, pi, sqrt
 from pathlib import Path
 
@@ -13,17 +18,24 @@ from points import design as point_of_chapter_5
 from reference_bvp import boundary_value_problem, brute_force
 from reference_vibration import eigenvalues_in_sines, largest_in_band
 
+from ctcbs_ros import __version__
 from ctcbs_ros.cli.main import main
+from ctcbs_ros.cli.output import print_json
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.design.chart import chart_column
-from ctcbs_ros.design.design import carry_out
+from ctcbs_ros.design.design import Design, cautions
 from ctcbs_ros.design.evaluation import Grid, evaluate
 from ctcbs_ros.design.limits import limiting, limits
+from ctcbs_ros.design.radii import good_radii
+from ctcbs_ros.design.record import design_record
 from ctcbs_ros.design.remedies import CHANGES, changed, find_remedies, find_remedy
+from ctcbs_ros.design.report import report, write_report
 from ctcbs_ros.design.requirements import Criterion, Requirements
 from ctcbs_ros.design.text import design_text
 from ctcbs_ros.design.way_in import deploy, deployment_jumps
+from ctcbs_ros.errors import InputError
 from ctcbs_ros.scaling import flight_point
+from ctcbs_ros.solver.loci import cusp
 
 ROOT = Path(__file__).resolve().parents[1]
 AIR = 1.18  # docs/thesis.md: what reproduces Chapter 5's d_n
@@ -102,13 +114,13 @@ def test_the_chart_refuses_500_m_of_cable_at_250_m_and_takes_1000_m_as_chapter_5
     assert short.parameters.length == 2.0
     assert short.omega[1] < short.cusp.omega
     assert not short.above_cusp
-    long = chart_column(chapter_5(FIRST), AIR, 250.0)
-    assert long.above_cusp
-    assert long.omega == pytest.approx((49.0 / sqrt(9.80665 * 250), 51.0 / sqrt(9.80665 * 250)))
-    # "higher than the required cable drags"
-    assert long.enough_drag
-    assert long.parameters.cable_drag > 10.0 * long.critical.required
-    assert long.outside_table_2_1 == ("drag_ratio",)
+    assert short.omega == pytest.approx((49.0 / sqrt(9.80665 * 250), 51.0 / sqrt(9.80665 * 250)))
+    assert short.outside_table_2_1 == ("drag_ratio",)
+    # "The drag coefficients for the given mass and cable length are higher than the required"
+    assert short.enough_drag
+    assert short.parameters.cable_drag > 5.0 * short.critical.required
+    here = flight_point(chapter_5(FIRST), 250.0, 49.0, AIR).parameters
+    assert replace(short, parameters=here, cusp=cusp(here)).above_cusp
 
 
 def test_both_designs_with_their_real_stretch_are_good_everywhere():
@@ -275,33 +287,37 @@ def test_a_fold_between_the_grid_points_is_a_jump_inside_the_envelope():
     assert evaluation.violations(fast) == ()
 
 
-# The command.
+# What is said of it.
 
 
-def design(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "ctcbs_ros", "design", *arguments],
-        cwd=ROOT, capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
-
-
-DRONE = (
-    "cable.breaking_tension=30", "envelope.radius=[90, 120]", "envelope.speed=[20, 28]",
-)  # fmt: skip
+WEAK = ("cable.breaking_tension=30", "envelope.radius=[90, 120]", "envelope.speed=[20, 28]")
+SMALL = Grid(radii=2, speeds=2, deployed_radii=2, deployed_speeds=2, steps=6)
 
 
 @pytest.fixture(scope="module")
-def drone():
-    """The small drone on a weak cable, as JSON, and what went to standard error."""
-    settings = (word for setting in DRONE for word in ("--set", setting))
-    done = design("small_drone", "--grid=2", "--safety-factor=5", "--json", *settings)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout), done.stderr
+def weak():
+    """The small drone on a cable too weak by a safety factor of 5, under a name that is markup."""
+    one = replace(load_configuration("small_drone", WEAK), source="a/<script>&\"'.yaml")
+    evaluation = evaluate(one, 1.225, Requirements(tension=0.2), SMALL)
+    chart = (chart_column(one, 1.225, 120.0),)
+    return Design(
+        evaluation, limits(evaluation), cautions(evaluation, chart), chart,
+        {28.0: good_radii(evaluation, 28.0)}, tuple(find_remedies(evaluation, SMALL)),
+    )  # fmt: skip
 
 
-def test_json_has_every_point_with_units_and_the_verdict(drone):
-    result, messages = drone
-    assert "design" in messages  # the progress bar
+@pytest.fixture(scope="module")
+def mended(weak):
+    """The same with the cable that the remedy asks for."""
+    remedy = next(r for r in weak.remedies if r.change == "stronger cable")
+    configuration = changed(weak.evaluation.configuration, remedy.settings)
+    evaluation = evaluate(configuration, 1.225, Requirements(tension=0.2), SMALL)
+    return replace(weak, evaluation=evaluation, limits=limits(evaluation), remedies=())
+
+
+def test_json_has_every_point_with_units_and_the_verdict(weak, capsys):
+    print_json(design_record(weak))
+    result = json.loads(capsys.readouterr().out)
     assert result["verdict"] == "NOT OK"
     assert "TENSION_LIMIT" in result["text"]
     assert result["envelope_radius_m"] == [90.0, 120.0]
@@ -335,23 +351,144 @@ def test_json_has_every_point_with_units_and_the_verdict(drone):
     assert remedy["value"] >= 5.0 * worst
 
 
-def test_text_begins_with_the_verdict_and_a_remedy_taken_as_printed_makes_it_good():
-    grid = Grid(radii=2, speeds=2, deployed_radii=2, deployed_speeds=2, steps=12)
-    required = Requirements(tension=0.2)
-    result = carry_out(load_configuration("small_drone", DRONE), 1.225, required, grid)
-    first, *rest = design_text(result).splitlines()
+def test_text_begins_with_the_verdict_and_gives_each_remedy_as_an_option(weak):
+    first, *rest = design_text(weak).splitlines()
     assert first.startswith("NOT OK: TENSION_LIMIT: tension ")
     assert "of 6 N allowed" in first
     stronger = next(line for line in rest if "stronger cable" in line)
     assert "at least" in stronger
     word, option = stronger.split()[-2:]
     assert word == "--set"
-    assert option.startswith("cable.breaking_tension=")
-    mended = load_configuration("small_drone", [option, *DRONE[1:]])
-    again = carry_out(mended, 1.225, required, grid)
-    text = design_text(again)
+    remedy = next(r for r in weak.remedies if r.change == "stronger cable")
+    again = load_configuration("small_drone", [option, *WEAK[1:]])
+    assert again.cable.breaking_tension == remedy.value
+    narrower = next(line for line in rest if "smaller largest radius" in line)
+    if "--set" in narrower:
+        _, setting = shlex.split(narrower)[-2:]
+        assert load_configuration("small_drone", [setting]).envelope.radius[0] == 90.0
+
+
+def test_text_of_a_good_design_says_how_much_of_its_nearest_limit_is_used(mended):
+    text = design_text(mended)
     assert text.startswith("OK: one stable steady state at all ")
+    assert "nearest limit used to 99%: tension" in text or "used to 100%: tension" in text
     assert "Remedies" not in text
+
+
+class Page(HTMLParser):
+    """Text, images and unclosed tags of a page; an AssertionError where tags do not nest."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.text, self.images = [], "", []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        if tag == "img":
+            self.images.append(dict(attributes))
+        elif tag != "meta":
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def test_report_is_one_valid_page_that_needs_nothing_else(tmp_path, weak):
+    file = tmp_path / "new" / "report.html"
+    write_report(file, weak)
+    raw = file.read_text(encoding="utf-8")
+    page = Page(raw)
+    assert page.open == []
+    assert "<script" not in raw
+    assert "http" not in raw
+    assert len(page.images) == 2
+    for image in page.images:
+        assert image["alt"]
+        data = image["src"].removeprefix("data:image/png;base64,")
+        assert base64.b64decode(data, validate=True).startswith(b"\x89PNG")
+    for words in (
+        "Design of <script>&\"'.yaml", "NOT OK: TENSION_LIMIT", "stronger cable", "still air",
+        "cable length l", "28 m/s: 90 to 120 m", __version__,
+    ):  # fmt: skip
+        assert words.lower() in page.text.lower(), words
+
+
+def test_report_of_a_good_design_names_no_remedy(mended):
+    page = Page(report(mended))
+    assert "OK: one stable steady state" in page.text
+    assert "What to change" not in page.text
+
+
+def test_a_report_that_fails_half_way_leaves_the_old_one(tmp_path, weak, monkeypatch):
+    file = tmp_path / "report.html"
+    file.write_text("old")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(InputError, match="cannot be written"):
+        write_report(file, weak)
+    assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
+    assert file.read_text() == "old"
+
+
+def test_a_report_that_cannot_be_written_is_refused_before_the_work(tmp_path, capsys):
+    (tmp_path / "file").touch()
+    assert main(["design", "small_drone", "--report", str(tmp_path / "file" / "r.html")]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert "cannot be written" in err
+
+
+def command(*arguments):
+    """`ctcbs design` as a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "ctcbs_ros", "design", *arguments],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+
+
+def test_the_command_prints_json_and_writes_its_report_with_settings_applied(tmp_path):
+    file = tmp_path / "r.html"
+    running = command(
+        "small_drone", "--grid=2", "--safety-factor=4", "--json", "--report", str(file),
+        "--set", WEAK[1], "--set", WEAK[2], "--max-end-mass-radius=90%",
+    )  # fmt: skip
+    out, err = running.communicate(timeout=300)
+    assert running.returncode == 0, err
+    assert b"design: 100%" in err
+    result = json.loads(out)
+    assert result["verdict"] == "OK"
+    assert result["source"].endswith(f"small_drone.yaml with {WEAK[1]}, {WEAK[2]}")
+    assert result["requirements"] == {
+        "end_mass_radius_m": None, "end_mass_radius_share": 0.9, "margin_per_s": 0.0,
+        "tension_share": 0.25, "way_in": "deployment",
+    }  # fmt: skip
+    assert result["limits"][2]["limit"] == 100.0
+    assert [column["radius_m"] for column in result["chart"]] == [90.0, 120.0]
+    assert "OK: one stable steady state" in Page(file.read_text()).text
+
+
+def test_an_interrupted_design_ends_with_130_and_leaves_no_file(tmp_path):
+    running = command("design_example", "--report", str(tmp_path / "r.html"))
+    try:
+        # The bar shows when the work has begun.
+        assert running.stderr.read(7) == b"\rdesign"
+        running.send_signal(signal.SIGINT)
+        out, err = running.communicate(timeout=60)
+    finally:
+        running.kill()
+    assert running.returncode == 130
+    assert out == b""
+    assert err.splitlines()[-1] == b"ctcbs: interrupted"
+    assert b"Traceback" not in err
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,7 @@ def add_parser(subparsers) -> None:
         help="height above mean sea level for the standard atmosphere [m]; default: the ground's, "
         "or 0",
     )
+    add("--report", metavar="FILE", help="write a report with plots (one HTML file)")
     add("--json", action="store_true", help="the result, with all points, as JSON on stdout")
     parser.set_defaults(run=run)
 
@@ -58,15 +59,21 @@ def run(args) -> int:
     from ctcbs_ros.configuration import load_configuration
     from ctcbs_ros.design.design import carry_out
     from ctcbs_ros.design.record import design_record
+    from ctcbs_ros.design.report import write_report
     from ctcbs_ros.design.text import design_text
+    from ctcbs_ros.table.storage import writable
     from ctcbs_ros.worker_pool import worker_pool
 
     configuration = load_configuration(args.config, args.settings)
     density = _density(args, configuration)
     requirements = _requirements(args, configuration)
     grid = _grid(args.grid)
+    if args.report:
+        writable(args.report)
     with worker_pool() as pool:
         design = carry_out(configuration, density, requirements, grid, pool, progress=True)
+    if args.report:
+        write_report(args.report, design)
     if args.json:
         print_json(design_record(design))
     else:

@@ -176,8 +176,8 @@ def _chart_cautions(chart: Iterable[ChartColumn]) -> Iterable[Caution]:
             yield Caution(
                 "BELOW_CUSP",
                 f"{where} omega falls to {column.omega[0]:.3g}, below the cusp's "
-                f"{column.cusp.omega:.3g}: the end mass circles nearly as wide as the aircraft; "
-                "a longer cable or more speed brings it in",
+                f"{column.cusp.omega:.3g}: the design chart expects a wide circle of the end mass "
+                "there, which a longer cable or more speed makes smaller",
             )
         if not column.enough_drag:
             yield Caution(

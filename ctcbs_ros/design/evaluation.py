@@ -18,7 +18,7 @@ class Grid:
     speeds: int = 9
     deployed_radii: int = 5
     deployed_speeds: int = 3
-    steps: int = 24
+    steps: int = 32
 
 
 @dataclass(frozen=True)

@@ -196,7 +196,7 @@ def _way_in_limits(evaluation: Evaluation) -> Iterable[Limit]:
         jump, speed = max(jumps, key=lambda pair: _size(pair[0]))
         yield row(
             Criterion.JUMPED, jump, speed, f"the end mass jumps {way_jump_text(jump, speed)}",
-            jump.before, jump.after, "m", 1.0,
+            jump.before, nan, "m", 1.0,
         )  # fmt: skip
     least = min(flown, key=lambda point: point.margin)
     text = (

@@ -9,7 +9,7 @@ from ctcbs_ros.design.design import Design
 from ctcbs_ros.design.evaluation import Evaluation
 from ctcbs_ros.design.limits import Limit
 from ctcbs_ros.design.point import DesignPoint
-from ctcbs_ros.design.remedies import CHANGES, Remedy
+from ctcbs_ros.design.remedies import Remedy, change_of
 from ctcbs_ros.design.requirements import Criterion
 from ctcbs_ros.design.text import verdict_line
 from ctcbs_ros.design.way_in import WayIn
@@ -133,7 +133,7 @@ def _limit(limit: Limit) -> Record:
 
 
 def _remedy(remedy: Remedy) -> Record:
-    change = next(c for c in CHANGES if c.name == remedy.change)
+    change = change_of(remedy)
     return {
         "change": remedy.change,
         "found": remedy.found,

@@ -207,6 +207,11 @@ class Remedy:
         return "at least" if self.furthest > self.present else "at most"
 
 
+def change_of(remedy: Remedy) -> Change:
+    """The change that a remedy is an amount of."""
+    return next(change for change in CHANGES if change.name == remedy.change)
+
+
 def changed(configuration: Configuration, settings: dict) -> Configuration:
     """The configuration with some parameters changed.
 

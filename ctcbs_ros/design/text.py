@@ -6,7 +6,7 @@ from math import isfinite
 from ctcbs_ros.design.design import Design
 from ctcbs_ros.design.limits import ENVELOPE, Limit, way_jump_text
 from ctcbs_ros.design.point import DesignPoint
-from ctcbs_ros.design.remedies import CHANGES, Remedy
+from ctcbs_ros.design.remedies import Remedy, change_of
 from ctcbs_ros.design.way_in import DEPLOYMENT, ENTRY, WayIn
 
 ASSUMPTIONS = (
@@ -17,6 +17,8 @@ ASSUMPTIONS = (
     "Between the points computed: folds of the flown branch are traced, narrow windows of flutter "
     "may be missed.",
 )
+_MANY = {ENVELOPE: "points", DEPLOYMENT: "deployments", ENTRY: "entries"}
+COMBINE = "No single change is enough: combine some with --set, and see what is left."
 
 
 def verdict_line(design: Design) -> str:
@@ -26,12 +28,18 @@ def verdict_line(design: Design) -> str:
         return f"NOT OK: {_named(design.limiting)}"
     text = (
         f"OK: one stable steady state at all {len(evaluation.points)} points of the envelope and "
-        f"along all {len(evaluation.judged_ways_in)} ways in ({evaluation.requirements.way_in})"
+        f"along all {len(evaluation.judged_ways_in)} {_MANY[evaluation.requirements.way_in]}"
     )
     nearest = design.limiting
     if nearest is not None:
         text += f"; nearest limit used to {nearest.use:.0%}: {nearest.text}"
     return text
+
+
+def also_violated(design: Design) -> list[str]:
+    """The violated limits that the verdict's line leaves out."""
+    rest = [limit for limit in design.limits if not limit.good and limit is not design.limiting]
+    return [_named(limit) for limit in rest]
 
 
 def design_text(design: Design) -> str:
@@ -41,9 +49,8 @@ def design_text(design: Design) -> str:
 
 def _lines(design: Design) -> Iterator[str]:
     yield verdict_line(design)
-    for limit in design.limits:
-        if not limit.good and limit is not design.limiting:
-            yield f"  also: {_named(limit)}"
+    for text in also_violated(design):
+        yield f"  also: {text}"
     yield ""
     yield from inputs(design)
     yield ""
@@ -247,6 +254,8 @@ def remedy_lines(design: Design) -> Iterator[str]:
     for remedy in design.remedies:
         if not remedy.found:
             yield vain_text(remedy)
+    if not found:
+        yield COMBINE
 
 
 def vain_text(remedy: Remedy) -> str:
@@ -254,19 +263,23 @@ def vain_text(remedy: Remedy) -> str:
     to = "up" if remedy.furthest > remedy.present else "down"
     still = f": {', '.join(remedy.still)} there" if remedy.still else ""
     return (
-        f"{remedy.change}: not enough alone {to} to {_amount(remedy, remedy.furthest)}{still}"
+        f"{remedy.change}: not enough alone {to} to {amount(remedy, remedy.furthest)}{still}"
     )
 
 
 def remedy_text(remedy: Remedy) -> str:
     """One remedy that was found, with the options that apply it."""
-    change = next(c for c in CHANGES if c.name == remedy.change)
-    options = " ".join(f"--set {key}={option(v)}" for key, v in remedy.settings.items())
+    change = change_of(remedy)
     remark = f", {change.remark}" if change.remark else ""
     return (
-        f"{remedy.change}: {change.quantity} {remedy.bound} {_amount(remedy, remedy.value)} (now "
-        f"{_amount(remedy, remedy.present)}{remark})  {options}"
+        f"{remedy.change}: {change.quantity} {remedy.bound} {amount(remedy, remedy.value)} (now "
+        f"{amount(remedy, remedy.present)}{remark})  {set_options(remedy)}"
     )
+
+
+def set_options(remedy: Remedy) -> str:
+    """The options that apply a remedy."""
+    return " ".join(f"--set {key}={option(value)}" for key, value in remedy.settings.items())
 
 
 def option(value) -> str:
@@ -276,13 +289,14 @@ def option(value) -> str:
     return f"{value:.6g}"
 
 
-def _amount(remedy: Remedy, value: float) -> str:
-    change = next(c for c in CHANGES if c.name == remedy.change)
+def amount(remedy: Remedy, value: float) -> str:
+    """A value of what a remedy changes, with its unit."""
+    change = change_of(remedy)
     if change.quantity == "cable diameter":
         return f"{1000.0 * value:.4g} mm"
     return f"{value:.4g} {change.unit}"
 
 
 def _named(limit: Limit) -> str:
-    of = {ENVELOPE: "points", DEPLOYMENT: "deployments", ENTRY: "entries"}[limit.phase]
-    return f"{limit.criterion.value}: {limit.text} ({limit.violated} of {limit.judged} {of})"
+    of = f"{limit.violated} of {limit.judged} {_MANY[limit.phase]}"
+    return f"{limit.criterion.value}: {limit.text} ({of})"
