@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from points import STRETCHED, design, figure_3_1, parameters
 from reference_bvp import filled, shoot
+from scipy.integrate import DOP853
 from scipy.special import j0, j1, y0, y1
 
-from ctcbs_ros.kernels import search
+from ctcbs_ros.kernels import dormand_prince, search
 from ctcbs_ros.kernels.continuation import level
 from ctcbs_ros.kernels.trajectory import N_THETA, OK, integrate, integrate_halved
 from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED, family_between
@@ -223,3 +224,9 @@ def test_parameters_are_packed_in_the_order_of_the_kernels():
     p = parameters(point)
     assert p.theta(0.3) == pytest.approx([0.3, omega, m, w, d_n, d, rho, g], rel=1e-15)
     assert p.length == length
+
+
+def test_the_coefficients_of_the_integrator_are_those_of_scipy():
+    assert np.array_equal(dormand_prince.A, DOP853.A[: DOP853.n_stages])
+    for name in ("B", "E3", "E5"):
+        assert np.array_equal(getattr(dormand_prince, name), getattr(DOP853, name))

@@ -11,28 +11,28 @@ position r and tension vector F = p t (t the unit tangent) along the unstretched
 |t| = 1 is built in, so x_d alone fixes the whole cable. Derivatives by x_d and by every
 parameter come from the variational equations, integrated beside the state.
 
-The integrator is Dormand and Prince's 8(5,3) pair, its coefficients those of
-scipy.integrate.DOP853 (Hairer, Norsett and Wanner, Solving Ordinary Differential Equations I).
+The integrator is Dormand and Prince's 8(5,3) pair.
 """
 
 import numpy as np
 from numba import njit
-from scipy.integrate import DOP853
+
+from ctcbs_ros.kernels import dormand_prince as pair
 
 # Columns of `theta`, and the order of all derivatives.
 X_D, OMEGA, M, W, D_N, D, RHO, G = range(8)
 N_THETA = 8
 
-_STAGES = DOP853.n_stages
+_STAGES = pair.STAGES
 # Every stage as a list of (index, coefficient): more than a third of the tableau is zero. The
 # last list is the end of the step.
-_ROWS = (*DOP853.A[:_STAGES], DOP853.B)
+_ROWS = (*pair.A, pair.B)
 _INDEX = np.concatenate([np.flatnonzero(row) for row in _ROWS])
 _COEFFICIENT = np.concatenate([row[np.flatnonzero(row)] for row in _ROWS])
 _FIRST = np.cumsum([0, *(np.count_nonzero(row) for row in _ROWS)])
-_ERROR_INDEX = np.flatnonzero((DOP853.E3 != 0.0) | (DOP853.E5 != 0.0))
-_E3 = DOP853.E3[_ERROR_INDEX]
-_E5 = DOP853.E5[_ERROR_INDEX]
+_ERROR_INDEX = np.flatnonzero((pair.E3 != 0.0) | (pair.E5 != 0.0))
+_E3 = pair.E3[_ERROR_INDEX]
+_E5 = pair.E5[_ERROR_INDEX]
 
 # Fused multiply-add only: sums keep their order, infinities and nan their meaning.
 _FUSED = {"contract"}
