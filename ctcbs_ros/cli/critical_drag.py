@@ -10,7 +10,9 @@ def add_parser(subparsers) -> None:
         "critical-drag",
         help="least cable drag for unique and for stable solutions",
         description="Least cable drag above which every omega up to --omega-max has one steady "
-        "state (unique), and the state at the first minimum of the end-mass radius is stable.",
+        "state (unique), the state at the first minimum of the end-mass radius is stable "
+        "(stable), and every state of the branch connected to omega -> 0 up to --omega-max is "
+        "stable (stable_everywhere). `required` is the larger of unique and stable.",
     )
     add_arguments(parser)
     parser.set_defaults(run=run)
@@ -18,13 +20,18 @@ def add_parser(subparsers) -> None:
 
 def run(args) -> int:
     """Find both and print them."""
-    from ctcbs_ros.solver.loci import critical_drag
+    from ctcbs_ros.solver.critical_drag import critical_drag
 
-    found = critical_drag(parameters_from(args), args.omega_max)
-    result = {"unique": found.unique, "stable": found.stable, "required": found.required}
+    found = critical_drag(parameters_from(args), args.omega_max, everywhere=True)
+    result = {
+        "unique": found.unique,
+        "stable": found.stable,
+        "required": found.required,
+        "stable_everywhere": found.stable_everywhere,
+    }
     if args.json:
         print_json(result)
     else:
         for name, value in result.items():
-            print(f"{name:9s} " + ("none" if value is None else f"d_n {value:.9g}"))
+            print(f"{name:17s} " + ("none" if value is None else f"d_n {value:.9g}"))
     return 0

@@ -13,8 +13,9 @@ def add_parser(subparsers) -> None:
     parser = subparsers.add_parser(
         "cusp",
         help="omega and cable drag at which two folds merge",
-        description="The cusp of largest cable drag, at a fixed drag ratio: with more drag there "
-        "are no jumps on the branch connected to omega -> 0.",
+        description="The cusp of largest cable drag at an omega up to --omega-max, at a fixed "
+        "drag ratio, on whatever branch. Where there is none the result is null, and says whether "
+        "anything folds at all (stretch can make folds vanish).",
     )
     add_arguments(parser)
     parser.set_defaults(run=run)
@@ -46,20 +47,38 @@ def parameters_from(args):
     return Parameters(1.0, args.length, args.end_mass, 1.0, args.drag_ratio, **extra)
 
 
+def _reason(args, folds: bool) -> str:
+    """Why there is no cusp."""
+    from ctcbs_ros.kernels.search import MAX_STRAIN
+    from ctcbs_ros.solver.fold_curve import DRAG_RANGE
+
+    drags = f"cable drag {DRAG_RANGE[0]:g} to {DRAG_RANGE[1]:g}"
+    if folds:
+        return f"no cusp up to omega {args.omega_max:g}: the folds there reach it without one"
+    stretch = ""
+    if args.elasticity is not None:
+        stretch = f", and an elasticity of {args.elasticity:g} below a strain of {MAX_STRAIN:g}"
+    return f"no folds at any omega up to {args.omega_max:g}, {drags}{stretch}"
+
+
 def run(args) -> int:
     """Find the cusp and print it."""
-    from ctcbs_ros.solver.loci import cusp
+    from ctcbs_ros.solver.cusp import cusp, least_unique_drag
 
-    found = cusp(parameters_from(args), args.omega_max)
+    parameters = parameters_from(args)
+    found = cusp(parameters, args.omega_max)
     result = {
         "omega": found and found.omega,
         "cable_drag": found and found.cable_drag,
         "end_mass_radius": found and found.end_mass_radius,
     }
+    if found is None:
+        result["folds"] = least_unique_drag(parameters, args.omega_max) is not None
+        result["reason"] = _reason(args, result["folds"])
     if args.json:
         print_json(result)
     elif found is None:
-        print(f"no cusp up to omega {args.omega_max:g}")
+        print(result["reason"])
     else:
         print(
             f"cusp at omega {found.omega:.9g}, cable drag {found.cable_drag:.9g}, end-mass radius "

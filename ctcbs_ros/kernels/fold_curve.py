@@ -235,8 +235,10 @@ def correct_cusp(theta, exponents, length, length_exponents, z, tolerance, state
     shifted = np.empty(3)
     matrix = np.empty((3, 3))
     right = np.empty(3)
-    moved, step, fine = 0.0, 1.0, tolerance
-    for _ in range(25):
+    moved, step = 0.0, 1.0
+    for _ in range(15):
+        # Far from the cusp rough derivatives do.
+        fine = tolerance if step < 1e-2 else 1e-8
         for j in range(5):
             shifted[:] = z
             shifted[2] = z[2] + (j - 2) * e
@@ -268,8 +270,8 @@ def correct_cusp(theta, exponents, length, length_exponents, z, tolerance, state
         change *= min(1.0, 0.3 / max(step, 1e-300))
         z += change
         moved += np.sqrt(np.dot(change, change))
-        if moved > 6.0:
+        if moved > 3.0:
             return moved, False
-        if step < 1e-9:
+        if step < 1e-9 and fine == tolerance:
             return moved, True
     return moved, False

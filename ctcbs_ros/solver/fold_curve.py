@@ -15,19 +15,19 @@ from scipy.optimize import brentq
 
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.kernels import fold_curve as kernel
-from ctcbs_ros.kernels.search import MAX_STEPS
+from ctcbs_ros.kernels.search import MAX_STEPS, MAX_STRAIN
 from ctcbs_ros.kernels.trajectory import OK
 from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.level_set import curves
 from ctcbs_ros.solver.parameters import Parameters
-from ctcbs_ros.solver.steady_state import TOLERANCE
+from ctcbs_ros.solver.steady_state import TOLERANCE, describe
 
 OMEGA_RANGE = (0.02, 3.0)
 DRAG_RANGE = (0.01, 2000.0)
 DRAG = Family("cable_drag", cable_drag=1.0, end_mass_drag=1.0)
 # Ratio of neighbouring drags at which all branches are traced, and cuts in omega on each.
 _RATIO = 1.6
-_CUTS = 25
+_CUTS = 9
 _SCAN = 1e-7
 # Branches steeper than this (cosine of the gradient with the u axis) may be near a cusp.
 _STEEP = 0.5
@@ -123,6 +123,14 @@ class Surface:
                 return z
         return None
 
+    def means_something(self, z) -> bool:
+        """Whether the state at z is stretched no more than states are sought for."""
+        state = describe(self.at(z[0], z[1]), float(z[2]))
+        if state is None:
+            return False
+        tension = max(state.tension_end_mass, state.tension_tow_point)
+        return tension <= MAX_STRAIN * state.parameters.elasticity
+
     def cusp(self, z):
         """The cusp near z, or None."""
         z = np.array(z, float)
@@ -172,13 +180,12 @@ def fold_curves(
     lines: list[np.ndarray] = []
     found = []
     for seed in _seeds(surface, low, high):
-        if any(_near(line, seed) for line in lines):
+        if any(near(line, seed) for line in lines):
             continue
-        points, closed = _follow(surface, seed, low, high)
-        if len(points) < 2:
-            continue
-        lines.append(_dense(points[:, :3]))
-        found.append(_curve(surface, points, closed))
+        curve, line = curve_through(surface, seed, low, high)
+        if curve is not None:
+            lines.append(line)
+            found.append(curve)
     return tuple(sorted(found, key=lambda curve: -curve.cable_drag.max()))
 
 
@@ -195,26 +202,42 @@ def checked_box(omega_range, drag_range) -> tuple[np.ndarray, np.ndarray]:
 
 def _seeds(surface: Surface, low, high):
     """Points on fold curves: the folds at a set of drags, and the cusps."""
-    count = int(np.ceil((high[1] - low[1]) / log(_RATIO))) + 1
-    cusps = []
-    for delta in np.linspace(high[1], low[1], max(count, 2)):
+    cusps: list[np.ndarray] = []
+    for delta in falling(low[1], high[1], _RATIO):
         for points in curves(
             surface.with_drag(delta), ANGULAR_RATE, low[0], high[0], _CUTS, _SCAN
         ):
-            c = points[:, 2] / np.hypot(points[:, 2], points[:, 3])
-            for i in np.flatnonzero(c[:-1] * c[1:] < 0.0):
-                share = c[i] / (c[i] - c[i + 1])
-                tau, u = points[i, :2] + share * (points[i + 1, :2] - points[i, :2])
-                z = surface.fold_with((tau, delta, u), 1)
-                if z is not None and low[0] <= z[0] <= high[0]:
-                    yield z
-            for i in steepest(c):
-                z = surface.cusp((points[i, 0], delta, points[i, 1]))
-                if z is None or np.any(z[:2] < low) or np.any(z[:2] > high):
-                    continue
+            yield from folds_on(surface, delta, points, low, high)
+            for z in cusps_near(surface, delta, points, low, high):
                 if not any(np.abs(z - other).max() < 1e-5 for other in cusps):
                     cusps.append(z)
                     yield z
+
+
+def falling(low: float, high: float, ratio: float) -> np.ndarray:
+    """Logarithms of drags from high to low, neighbours at most a ratio apart."""
+    return np.linspace(high, low, max(int(np.ceil((high - low) / log(ratio))) + 1, 2))
+
+
+def folds_on(surface: Surface, delta: float, points, low, high):
+    """The folds (tau, delta, u) of a branch traced at a drag, within the range."""
+    c = points[:, 2] / np.hypot(points[:, 2], points[:, 3])
+    for i in np.flatnonzero(c[:-1] * c[1:] < 0.0):
+        share = c[i] / (c[i] - c[i + 1])
+        tau, u = points[i, :2] + share * (points[i + 1, :2] - points[i, :2])
+        z = surface.fold_with((tau, delta, u), 1)
+        if z is not None and low[0] <= z[0] <= high[0] and surface.means_something(z):
+            yield z
+
+
+def cusps_near(surface: Surface, delta: float, points, low, high):
+    """The cusps near the steepest places of a branch traced at a drag, within the range."""
+    c = points[:, 2] / np.hypot(points[:, 2], points[:, 3])
+    for i in steepest(c):
+        z = surface.cusp((points[i, 0], delta, points[i, 1]))
+        inside = z is not None and np.all(z[:2] >= low) and np.all(z[:2] <= high)
+        if inside and surface.means_something(z):
+            yield z
 
 
 def steepest(c: np.ndarray) -> np.ndarray:
@@ -225,6 +248,17 @@ def steepest(c: np.ndarray) -> np.ndarray:
     inner, left, right = c[1:-1], c[:-2], c[2:]
     extreme = ((inner - left) * (right - inner) <= 0.0) & (np.abs(inner) < _STEEP)
     return np.flatnonzero(extreme) + 1
+
+
+def curve_through(surface: Surface, seed, low, high):
+    """The fold curve through a point within a box, and its line for `near`; (None, None) if lost.
+
+    low, high : (2,) ln omega, ln d_n
+    """
+    points, closed = _follow(surface, seed, low, high)
+    if len(points) < 2:
+        return None, None
+    return _curve(surface, points, closed), _dense(points[:, :3])
 
 
 def _follow(surface: Surface, seed, low, high) -> tuple[np.ndarray, bool]:
@@ -275,7 +309,7 @@ def _dense(points) -> np.ndarray:
     return CubicSpline(way, points)(fine)
 
 
-def _near(line: np.ndarray, z) -> bool:
+def near(line: np.ndarray, z) -> bool:
     """Whether a curve passes through z."""
     i = int(np.argmin(np.linalg.norm(line - z, axis=1)))
     around = line[max(i - 1, 0) : i + 2]

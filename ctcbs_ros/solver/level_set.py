@@ -3,6 +3,10 @@
 The states are h(tau, u) = 0 (`ctcbs_ros.kernels.continuation`). All of them are found on a set of
 cuts tau = const, and each that no curve found so far passes through is traced both ways, through
 all its folds, until it leaves the strip or closes.
+
+A closed curve between two cuts surrounds an extremum of h, and its states are born in pairs where
+an extremum of h over u crosses zero. So between two cuts another is made wherever an extremum that
+has not crossed zero could do so by its height and slope, until that is settled.
 """
 
 from math import exp, log
@@ -10,18 +14,27 @@ from math import exp, log
 import numpy as np
 
 from ctcbs_ros.kernels import continuation
+from ctcbs_ros.kernels.extrema import local_extrema
 from ctcbs_ros.kernels.search import all_roots
 from ctcbs_ros.solver.family import Family
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import SCAN_TOLERANCE, correct_state
 
+CUTS = 17
 _MOST_POINTS = 4000
 _MOST_ROOTS = 64
+_MOST_EXTREMA = 32
+# Halvings of the distance between two cuts: a closed curve shorter than 1/64 of it is left.
+_HALVINGS = 6
+# An extremum may approach zero this many times faster than its slope at the cut says.
+_CAUTION = 2.0
+# Points put between two of a trace, to tell whether it passes through a state.
+_BETWEEN = 8
 
 
 def curves(
     parameters: Parameters, family: Family, tau_low: float, tau_high: float,
-    cuts: int = 61, tolerance: float = 1e-9,
+    cuts: int = CUTS, tolerance: float = 1e-9,
 ) -> list[np.ndarray]:
     """Every curve of steady states in a strip.
 
@@ -33,7 +46,7 @@ def curves(
         What varies.
     tau_low, tau_high : float
     cuts : int
-        Cuts on which all states are found.
+        Cuts on which all states are found, at least.
     tolerance : float
         Of the integration.
 
@@ -44,13 +57,66 @@ def curves(
         closed curve ends with the point it begins with.
     """
     found: list[np.ndarray] = []
-    for tau in np.linspace(tau_low, tau_high, cuts):
-        for u in states_at(parameters, family, float(tau)):
-            if not any(passes(points, tau, u) for points in found):
-                points = whole(parameters, family, float(tau), u, tau_low, tau_high, tolerance)
-                if len(points):
-                    found.append(points)
+    lines: list[np.ndarray] = []
+
+    def look(tau):
+        for u in states_at(parameters, family, tau):
+            if any(passes(line, tau, u) for line in lines):
+                continue
+            points = whole(parameters, family, tau, u, tau_low, tau_high, tolerance)
+            if len(points) > 1:
+                found.append(points)
+                lines.append(dense(points))
+
+    places = [float(tau) for tau in np.linspace(tau_low, tau_high, cuts)]
+    for tau in (places[0], places[-1], *places[1:-1]):
+        look(tau)
+    unborn = [_unborn(parameters, family, tau) for tau in places]
+    stack = [(places[i], unborn[i], places[i + 1], unborn[i + 1], 0) for i in range(cuts - 1)]
+    while stack:
+        left, at_left, right, at_right, depth = stack.pop()
+        if depth == _HALVINGS or not _may_cross(at_left, at_right, right - left):
+            continue
+        middle = 0.5 * (left + right)
+        look(middle)
+        at_middle = _unborn(parameters, family, middle)
+        stack += [
+            (left, at_left, middle, at_middle, depth + 1),
+            (middle, at_middle, right, at_right, depth + 1),
+        ]
     return found
+
+
+def _unborn(parameters, family, tau) -> np.ndarray:
+    """Extrema of h over u that have not crossed zero: rows (u, distance to zero, its slope)."""
+    rows = np.empty((_MOST_EXTREMA, 4))
+    count = local_extrema(
+        parameters.theta(), family.exponents(), parameters.length, family.length, tau,
+        SCAN_TOLERANCE, rows,
+    )
+    rows = rows[:count]
+    # A maximum below zero or a minimum above: -h kind is its distance to zero.
+    distance = -rows[:, 1] * rows[:, 3]
+    slope = -rows[:, 2] * rows[:, 3]
+    waiting = distance > 0.0
+    return np.column_stack([rows[waiting, 0], distance[waiting], slope[waiting], rows[waiting, 3]])
+
+
+def _may_cross(at_left, at_right, width) -> bool:
+    """Whether an extremum waiting on both sides of an interval could be beyond zero inside it.
+
+    One that waits on one side alone has crossed: its states are found on the other side.
+    """
+    for u, distance, slope, kind in at_left:
+        same = at_right[at_right[:, 3] == kind]
+        if not len(same):
+            continue
+        _, other, back, _ = same[np.argmin(np.abs(same[:, 0] - u))]
+        fall = max(-slope, 0.0) + max(back, 0.0)
+        # Falling from both sides it gets no deeper than where both tangents meet.
+        if slope < 0.0 < back and min(distance, other) < 0.5 * _CAUTION * fall * width:
+            return True
+    return False
 
 
 def states_at(parameters: Parameters, family: Family, tau: float) -> np.ndarray:
@@ -102,17 +168,29 @@ def _cut(parameters, family, points, tau_low, tau_high) -> np.ndarray:
     return np.vstack([points[:-1], last])
 
 
-def passes(points: np.ndarray, tau: float, u: float) -> bool:
-    """Whether a traced curve goes through (tau, u)."""
-    t = points[:, 0]
-    inside = (np.minimum(t[:-1], t[1:]) <= tau + 1e-9) & (np.maximum(t[:-1], t[1:]) >= tau - 1e-9)
-    for i in np.flatnonzero(inside):
-        run = t[i + 1] - t[i]
-        share = 0.5 if run == 0.0 else min(max((tau - t[i]) / run, 0.0), 1.0)
-        near = points[i, 1] + share * (points[i + 1, 1] - points[i, 1])
-        # The chord is this far from the curve at most: steps turn by less than 12 degrees.
-        sag = 0.06 * np.hypot(run, points[i + 1, 1] - points[i, 1]) + 1e-6
-        steep = abs(points[i, 3]) > 3.0 * abs(points[i, 2])
-        if abs(near - u) < (4.0 if steep else 1.0) * sag:
-            return True
-    return False
+def dense(points: np.ndarray) -> np.ndarray:
+    """A trace with points put between by cubics through its points and tangents, (m, 2)."""
+    place, gradient = points[:, :2], points[:, 2:]
+    tangent = np.column_stack([gradient[:, 0], -gradient[:, 1]])
+    tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+    chord = np.diff(place, axis=0)
+    size = np.linalg.norm(chord, axis=1)[:, None]
+    start = tangent[:-1] * np.sign(np.sum(tangent[:-1] * chord, axis=1))[:, None] * size
+    end = tangent[1:] * np.sign(np.sum(tangent[1:] * chord, axis=1))[:, None] * size
+    x = (np.arange(_BETWEEN) / _BETWEEN)[:, None, None]
+    between = (
+        (1.0 + 2.0 * x) * (1.0 - x) ** 2 * place[:-1] + x * (1.0 - x) ** 2 * start
+        + x * x * (3.0 - 2.0 * x) * place[1:] - x * x * (1.0 - x) * end
+    )
+    return np.vstack([between.transpose(1, 0, 2).reshape(-1, 2), place[-1:]])
+
+
+def passes(line: np.ndarray, tau: float, u: float) -> bool:
+    """Whether a curve, as `dense` gives it, goes through (tau, u)."""
+    a, along = line[:-1], np.diff(line, axis=0)
+    square = np.maximum(np.sum(along * along, axis=1), 1e-300)
+    gap = np.array([tau, u]) - a
+    share = np.clip(np.sum(gap * along, axis=1) / square, 0.0, 1.0)
+    away = np.linalg.norm(gap - share[:, None] * along, axis=1)
+    # Steps of a trace turn by less than 12 degrees, the parts of one by 1.5.
+    return bool(np.any(away < 0.02 * np.sqrt(square) + 1e-6))

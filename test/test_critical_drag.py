@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from ctcbs_ros.solver.loci import critical_drag, cusp
+from ctcbs_ros.solver.critical_drag import (
+    critical_drag,
+    least_drag_stable_everywhere,
+    least_stable_drag,
+)
+from ctcbs_ros.solver.cusp import cusp, has_folds, least_unique_drag
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
@@ -42,6 +47,60 @@ def test_folds_exist_just_below_the_cusp_and_not_just_above(elasticity):
     assert min(radii) < found.end_mass_radius < max(radii)
 
 
+@pytest.mark.parametrize(
+    ("length", "end_mass", "drag_ratio", "drag"),
+    [(3, 50, 1, 6.157654), (3, 20, 1, 2.5556), (3, 100, 1, 12.162), (2, 50, 1, 18.698),
+     (4, 50, 2, 2.0102), (3, 3.5, 0.1, 1.32888)],
+)
+def test_cusp_is_where_a_scan_of_all_states_found_it(length, end_mass, drag_ratio, drag):
+    # From scans of the number of states over (omega, cable drag), refined by bisection.
+    found = cusp(Parameters(1.0, length, end_mass, 1.0, drag_ratio))
+    assert found.cable_drag == pytest.approx(drag, rel=5e-5)
+
+
+def test_cusp_of_largest_drag_is_the_tip_of_a_narrow_tongue():
+    # A light mass on a long cable: three states at drags of 2 to 172, far above the other folds.
+    parameters = Parameters(1.0, 6.0, 3.5, 1.0, 0.1)
+    found = cusp(parameters)
+    near = found.omega * np.linspace(0.99, 1.02, 301)
+    assert most_states(parameters, found.cable_drag * 1.005, near) == 1
+    assert most_states(parameters, found.cable_drag * 0.97, near) == 3
+    assert found.cable_drag > 150.0
+    assert least_unique_drag(parameters) == pytest.approx(found.cable_drag, rel=1e-9)
+
+
+def test_unique_counts_folds_that_enter_at_the_limit_of_omega():
+    # No cusp up to omega 3: the fold comes from beyond.
+    parameters = Parameters(1.0, 1.5, 100.0, 1.0, 0.1)
+    assert cusp(parameters) is None
+    drag = least_unique_drag(parameters)
+    assert most_states(parameters, drag * 1.0001, np.linspace(2.99, 3.0, 21)) == 1
+    assert len(states_at(parameters, drag * 0.9999, 3.0)) == 3
+
+
+def test_folds_that_vanish_with_stretch_are_nowhere_in_a_scan_of_all_states():
+    # With an elasticity of 60 the cable is stretched to more than twice its length.
+    elastic = Parameters(1.0, 1.5, 100.0, 1.0, 4.0, elasticity=60.0)
+    assert not has_folds(elastic)
+    assert has_folds(replace(elastic, elasticity=float("inf")))
+    omegas = np.linspace(0.1, 3.0, 80)
+    for drag in np.geomspace(0.01, 100.0, 12):
+        # Two states: a third is stretched beyond a strain of 3, where none is sought.
+        assert most_states(elastic, drag, omegas) == 1
+
+
+def test_branch_is_all_stable_just_above_the_drag_for_stability_everywhere():
+    drag = least_drag_stable_everywhere(FIG_41)
+
+    def largest(drag):
+        omegas = np.concatenate([np.linspace(0.3, 1.8, 8), np.linspace(1.9, 1.98, 17)])
+        states = (states_at(FIG_41, drag, omega)[0] for omega in [*omegas, *np.linspace(2, 3, 9)])
+        return max(stability(state, functions=(27,)).growth_rate for state in states)
+
+    assert largest(drag * 1.01) < 0.0 < largest(drag * 0.98)
+    assert drag > least_stable_drag(FIG_41)
+
+
 def test_drag_for_unique_solutions_is_the_thesis_s_6_2():
     # Thesis, Fig. 3.1 and its text: no jumps for omega < 3 with d_n above 6.2.
     critical = critical_drag(FIG_31)
@@ -53,7 +112,7 @@ def test_drag_for_unique_solutions_is_the_thesis_s_6_2():
 
 
 def test_state_at_the_first_minimum_loses_stability_at_the_stable_drag():
-    critical = critical_drag(FIG_41)
+    drag_for_stable = least_stable_drag(FIG_41)
 
     def growth_at_minimum(drag):
         def radius(omega):
@@ -64,8 +123,8 @@ def test_state_at_the_first_minimum_loses_stability_at_the_stable_drag():
         )
         return stability(states_at(FIG_41, drag, best.x)[0]).growth_rate
 
-    assert growth_at_minimum(critical.stable * 1.01) < 0.0
-    assert growth_at_minimum(critical.stable * 0.99) > 0.0
+    assert growth_at_minimum(drag_for_stable * 1.01) < 0.0
+    assert growth_at_minimum(drag_for_stable * 0.99) > 0.0
 
 
 def test_unique_drag_falls_with_length_and_drag_ratio_and_rises_with_end_mass():
@@ -90,7 +149,9 @@ def test_commands_print_the_same_as_json():
     drag = json.loads(done.stdout)["cable_drag"]
     assert drag == pytest.approx(cusp(FIG_31).cable_drag, rel=1e-9)
     done = ctcbs("critical-drag", *arguments)
-    assert set(json.loads(done.stdout)) == {"unique", "stable", "required"}
+    assert set(json.loads(done.stdout)) == {
+        "unique", "stable", "required", "stable_everywhere"
+    }
 
 
 def test_missing_argument_is_refused_in_one_line():
