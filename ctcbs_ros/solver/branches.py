@@ -87,11 +87,45 @@ def trace(
     -------
     Path
     """
+    points, line, at_fold, status = traced(
+        parameters, log(end_mass_radius), family, direction, tau_range, tolerance, most_points
+    )
+    folds = tuple(Fold(float(line[k, 0]), exp(line[k, 1])) for k in at_fold)
+    crossings = ()
+    ahead = folds[0] if folds else None
+    if target is not None:
+        side = line[:, 0] - target
+        meets = np.flatnonzero(side[:-1] * side[1:] < 0.0)
+        there = family.at(parameters, target)
+        crossings = tuple(_crossing(there, target, line[k : k + 2]) for k in meets)
+        if folds and meets.size and meets[0] < at_fold[0]:
+            ahead = None
+    return Path(points[:, 0], np.exp(points[:, 1]), folds, crossings, ahead, status)
+
+
+def traced(
+    parameters: Parameters, u: float, family: Family, direction: int,
+    tau_range: tuple[float, float], tolerance: float = _TRACE_TOLERANCE,
+    most_points: int = _MOST_POINTS,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """The points of a trace, and the same with its folds among them; arguments as of `trace`.
+
+    Returns
+    -------
+    points : (n, 4) ndarray
+        tau, u = ln(end-mass radius), dh/du and dh/dtau.
+    line : (n + f, 2) ndarray
+        tau and u, with those of the folds in their places.
+    at_fold : (f,) ndarray of int
+        Indices in `line` of the folds in range.
+    status : int
+        Of `ctcbs_ros.kernels.continuation.trace`.
+    """
     theta, exponents = parameters.theta(), family.exponents()
     points = np.empty((most_points, 4))
     status, count = continuation.trace(
-        theta, exponents, parameters.length, family.length, log(end_mass_radius),
-        float(direction), tau_range[0], tau_range[1], tolerance, points,
+        theta, exponents, parameters.length, family.length, u, float(direction), *tau_range,
+        tolerance, points,
     )
     points = points[:count]
     places, turns = [], []
@@ -107,17 +141,7 @@ def trace(
     line = np.insert(points[:, :2], places, np.array(turns).reshape(-1, 2), axis=0)
     at_fold = places + np.arange(places.size)
     at_fold = at_fold[(line[at_fold, 0] >= tau_range[0]) & (line[at_fold, 0] <= tau_range[1])]
-    folds = tuple(Fold(float(line[k, 0]), exp(line[k, 1])) for k in at_fold)
-    crossings = ()
-    ahead = folds[0] if folds else None
-    if target is not None:
-        side = line[:, 0] - target
-        meets = np.flatnonzero(side[:-1] * side[1:] < 0.0)
-        there = family.at(parameters, target)
-        crossings = tuple(_crossing(there, target, line[k : k + 2]) for k in meets)
-        if folds and meets.size and meets[0] < at_fold[0]:
-            ahead = None
-    return Path(points[:, 0], np.exp(points[:, 1]), folds, crossings, ahead, status)
+    return points, line, at_fold, status
 
 
 def _crossing(there: Parameters, target: float, chord: np.ndarray) -> float:
@@ -192,21 +216,22 @@ def branch_ends(state: SteadyState) -> tuple[BranchEnd, ...]:
 
 def branch_ends_search(state: SteadyState) -> Generator[None, None, tuple[BranchEnd, ...]]:
     """`branch_ends` piece by piece."""
-    omega = state.parameters.omega
-    slowest = max(log(omega / 0.02), 0.1)
-    fastest = max(log(4.0 / omega), log(2.5))
     ends = []
-    for family, direction, reach in (
-        (ANGULAR_RATE, -1, slowest),
-        (ANGULAR_RATE, 1, fastest),
-        (RADIUS_AT_SPEED, -1, log(4.0)),
-        (RADIUS_AT_SPEED, 1, log(50.0)),
-    ):
-        fold = yield from branch_end_search(state, family, direction, reach)
-        if fold is not None:
-            ends.append(BranchEnd(fold, family, direction))
-        yield
+    for family in (ANGULAR_RATE, RADIUS_AT_SPEED):
+        for direction, how_far in zip((-1, 1), reach(state.parameters, family), strict=True):
+            fold = yield from branch_end_search(state, family, direction, how_far)
+            if fold is not None:
+                ends.append(BranchEnd(fold, family, direction))
+            yield
     return tuple(ends)
+
+
+def reach(parameters: Parameters, family: Family) -> tuple[float, float]:
+    """How far down and up in tau the ends of a branch are looked for, see `branch_ends`."""
+    if family is RADIUS_AT_SPEED:
+        return log(4.0), log(50.0)
+    omega = parameters.omega
+    return max(log(omega / 0.02), 0.1), max(log(4.0 / omega), log(2.5))
 
 
 def beyond(parameters: Parameters, fold: Fold, family: Family, direction: int) -> Parameters:
