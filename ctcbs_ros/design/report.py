@@ -3,7 +3,7 @@
 import base64
 from collections.abc import Iterable
 from html import escape
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 
 from ctcbs_ros import __version__
@@ -132,6 +132,8 @@ def _limits(design: Design) -> str:
     rows = []
     for limit in design.limits:
         verdict = "met" if limit.good else f"violated by {limit.violated} of {limit.judged}"
+        if limit.limit == inf:
+            verdict = "not judged"
         used = f"{limit.use:.0%}" if 0.0 < limit.use < 100.0 and isfinite(limit.limit) else ""
         rows.append((limit.phase, limit.criterion.value, verdict, used, limit.text))
     header = "phase", "criterion", "verdict", "limit used", "worst"

@@ -86,6 +86,8 @@ def way_in_plot(design: Design) -> bytes:
         if entry:
             axes.set_xscale("log")
             axes.invert_xaxis()
+    if entry:
+        panels[0].set_yscale("log")
     if any(way.jumps for way in ways):
         panels[0].plot([], [], "o-", color=BAD, markersize=4, linewidth=1.0, label="jump")
         panels[0].legend(fontsize=8)

@@ -222,20 +222,20 @@ def chart_rows(design: Design) -> list[list[str]]:
             lambda c: f"{c.omega[0]:.3g} to {c.omega[1]:.3g}"
             + ("*" if "omega" in c.outside_table_2_1 else ""),
         ),
-        row("  of the cusp", lambda c: value(c.cusp and c.cusp.omega)),
+        row("omega of the cusp", lambda c: value(c.cusp and c.cusp.omega)),
         parameter("cable length l", "length"),
         parameter("end mass m", "end_mass"),
         parameter("elasticity gamma", "elasticity"),
         parameter("drag ratio f", "drag_ratio"),
         parameter("cable drag d_n", "cable_drag"),
-        row("  least for unique", lambda c: value(c.critical.unique)),
-        row("  least for stable", lambda c: value(c.critical.stable)),
+        row("least d_n for unique states", lambda c: value(c.critical.unique)),
+        row("least d_n for stable states", lambda c: value(c.critical.stable)),
         row(
             "least end-mass radius",
             lambda c: "none" if c.minimum_speed is None
             else f"{c.minimum_radius:.3g} m",
         ),
-        row("  at a speed of", lambda c: "none" if c.minimum_speed is None
+        row("speed of the least radius", lambda c: "none" if c.minimum_speed is None
             else f"{c.minimum_speed:.3g} m/s"),
     ]  # fmt: skip
 
