@@ -40,7 +40,7 @@ def local_extrema(theta, exponents, length, length_exponent, tau, tolerance, fou
     for i in range(N_THETA):
         here[i] = theta[i] * np.exp(exponents[i] * tau)
     end = length * np.exp(length_exponent * tau)
-    low = smallest_radius(here, end, tolerance, work, mesh)
+    low, _ = smallest_radius(here, end, tolerance, work, mesh)
     high = np.log(largest_radius(here, end) * (1.0 + 1e-6))
     # A stack of intervals (a, h, h_u, b, h, h_u, depth), the rightmost on top.
     stack = np.empty((200, 7))
