@@ -35,7 +35,7 @@ from ctcbs_ros.design.text import design_text
 from ctcbs_ros.design.way_in import deploy, deployment_jumps
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.scaling import flight_point
-from ctcbs_ros.solver.loci import cusp
+from ctcbs_ros.solver.cusp import cusp
 
 ROOT = Path(__file__).resolve().parents[1]
 AIR = 1.18  # docs/thesis.md: what reproduces Chapter 5's d_n

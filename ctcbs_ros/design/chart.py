@@ -12,14 +12,9 @@ from math import sqrt
 from ctcbs_ros.atmosphere import GRAVITY
 from ctcbs_ros.configuration import Configuration
 from ctcbs_ros.scaling import flight_point
-from ctcbs_ros.solver.loci import (
-    OMEGA_MAX,
-    CriticalDrag,
-    Cusp,
-    critical_drag,
-    cusp,
-    first_minimum_state,
-)
+from ctcbs_ros.solver.critical_drag import CriticalDrag, critical_drag, first_minimum_state
+from ctcbs_ros.solver.cusp import OMEGA_MAX, cusp
+from ctcbs_ros.solver.fold_curve import LocusPoint
 from ctcbs_ros.solver.parameters import Parameters
 
 # Thesis Table 2.1: what its figures cover.
@@ -44,7 +39,7 @@ class ChartColumn:
         At the lowest speed.
     omega : (float, float)
         At the lowest and the highest speed.
-    cusp : Cusp or None
+    cusp : LocusPoint or None
         None where no drag makes a fold.
     critical : CriticalDrag
         Least d_n for unique solutions up to `omega_max`, and for a stable first minimum.
@@ -59,7 +54,7 @@ class ChartColumn:
     radius: float
     parameters: Parameters
     omega: tuple[float, float]
-    cusp: Cusp | None
+    cusp: LocusPoint | None
     critical: CriticalDrag
     omega_max: float
     minimum_speed: float | None
@@ -111,7 +106,7 @@ def chart_column(configuration: Configuration, density: float, radius: float) ->
     unit = sqrt(radius * GRAVITY)
     omega = slow / unit, fast / unit
     omega_max = max(OMEGA_MAX, omega[1])
-    found, critical, minimum, note = None, CriticalDrag(None, None), None, ""
+    found, critical, minimum, note = None, CriticalDrag(None, None, None), None, ""
     try:
         found = cusp(parameters, omega_max)
         critical = critical_drag(parameters, omega_max)
