@@ -42,9 +42,30 @@ class _Pool(ProcessPoolExecutor):
         """Submit a call; a worker that is started for it inherits the blocked signal."""
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            return super().submit(*call, **arguments)
+            with _interrupt_put_off():
+                return super().submit(*call, **arguments)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _interrupt_put_off() -> Iterator[None]:
+    """Put SIGINT off to the end of the block.
+
+    Another thread may take the signal that this one blocks (a progress bar has one), and a worker
+    half started complains that its pipe is empty.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came = []
+    handler = signal.signal(signal.SIGINT, lambda *_: came.append(True))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 def _end_with_parent() -> None:
