@@ -17,6 +17,7 @@ Meerbergen, The quadratic eigenvalue problem, SIAM Review 43 (2001).
 """
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import (
@@ -30,16 +31,24 @@ from scipy.linalg.lapack import (
     zgetrs,
 )
 
-# Dimensions of the subspace, tried in turn: the first holds the modes of nine flights in ten.
-_DIMENSIONS = (24, 36, 48)
+# Dimension of the subspace to begin with, which holds the modes of nine flights in ten; by how
+# much it grows where it is too small, and by how much it exceeds a number of modes known.
+_DIMENSION, _GROWTH, _SPARE = 24, 12, 8
 # A mode may be this much (relatively) further right than the subspace says. Those in doubt are
 # all corrected, and a correction by more is not believed.
 _DOUBT = 1e-3
-_CORRECTED = 1e-9
+_CORRECTED = 1e-12
 _MOST_CORRECTIONS = 6
 
 
-def rightmost(a: np.ndarray, band: float) -> complex | None:
+class Rightmost(NamedTuple):
+    """The eigenvalue, its imaginary part not negative, and how many are in the disk."""
+
+    value: complex
+    modes: int
+
+
+def rightmost(a: np.ndarray, band: float, modes: int | None = None) -> Rightmost | None:
     """Eigenvalue of largest real part among those with |Im| <= band.
 
     Parameters
@@ -47,11 +56,14 @@ def rightmost(a: np.ndarray, band: float) -> complex | None:
     a : (6 n, 6 n) ndarray
         First-order matrix of the vibration, of `ctcbs_ros.kernels.galerkin`.
     band : float
+    modes : int, optional
+        How many modes there are in the disk, as found with fewer functions: only speed depends on
+        it.
 
     Returns
     -------
-    complex or None
-        Its imaginary part is not negative; None where it is in doubt.
+    Rightmost or None
+        None where it is in doubt.
     """
     stiffness, damping = _quadratic_form(a)
     half = len(stiffness)
@@ -70,11 +82,8 @@ def rightmost(a: np.ndarray, band: float) -> complex | None:
     power[half:] += inverse[:half]
     power = power @ power
     power = power @ power
-    if not np.isfinite(power.sum()):
-        return None
-    for dimension in _DIMENSIONS:
-        if dimension > half:
-            break
+    least = _DIMENSION if modes is None else min(modes + _SPARE, half)
+    for dimension in range(least, half + 1, _GROWTH):
         basis = _orthonormal(power[:, _lowest_functions(half, dimension)])
         basis = _orthonormal(power @ basis)
         values = _eigenvalues(basis.T @ (inverse @ basis))
@@ -90,14 +99,18 @@ def rightmost(a: np.ndarray, band: float) -> complex | None:
         found = _best(stiffness, damping, values[possible], band)
         if found is None:
             continue
-        if radius > np.hypot(band, max(right - sigma, sigma - found.real)):
-            return found
+        needed = np.hypot(band, max(right - sigma, sigma - found.real))
+        if radius > needed:
+            return Rightmost(found, int(np.count_nonzero(np.abs(values - sigma) < needed)))
     return None
 
 
-def corrected(a: np.ndarray, value: complex) -> complex | None:
-    """The eigenvalue nearly equal to one known; None if there is none within a tenth of it."""
-    return _corrected(*_quadratic_form(a), value, 0.1)
+def corrected(a: np.ndarray, value: complex, error: float = _CORRECTED) -> complex | None:
+    """The eigenvalue nearly equal to one known, to a relative error.
+
+    None if there is none within a tenth of it.
+    """
+    return _corrected(*_quadratic_form(a), value, 0.1, error)
 
 
 def _quadratic_form(a) -> tuple[np.ndarray, np.ndarray]:
@@ -171,7 +184,7 @@ def _best(stiffness, damping, values, band) -> complex | None:
     return best
 
 
-def _corrected(stiffness, damping, value, trust) -> complex | None:
+def _corrected(stiffness, damping, value, trust, error=_CORRECTED) -> complex | None:
     """Newton's method for an eigenvalue of lambda^2 + lambda C + K, by inverse iteration.
 
     Left eigenvectors, because LAPACK takes rows for columns; None if it goes further than `trust`
@@ -198,6 +211,7 @@ def _corrected(stiffness, damping, value, trust) -> complex | None:
         if not abs(value - step - start) <= allowed:
             return None
         value -= step
-        if abs(step) <= _CORRECTED * max(abs(value), 1.0):
+        # The next step would be about the square of this one.
+        if abs(step) ** 2 <= error * max(abs(value), 1.0):
             return value
     return None

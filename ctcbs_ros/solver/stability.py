@@ -140,15 +140,15 @@ def stability(state: SteadyState, band: float | None = None, functions=FUNCTIONS
     band = state.parameters.band if band is None else band
     # Matrices this small only lose by a second BLAS thread, tenfold beside other work.
     with _blas().limit(limits=1, user_api="blas"):
-        before = None
+        before, modes = None, None
         for i, n in enumerate(functions):
             if i == 0 and len(functions) > 1:
                 continue
             a = _matrix(state, n)
-            worst = _least_damped(a, band)
+            worst, modes = _least_damped(a, band, modes)
             growth, frequency = worst.real, abs(worst.imag)
             if i == 1:
-                before = _coarser(a, functions[0], worst, band)
+                before = _coarser(a, functions[0], worst, band, modes)
             if before is not None and _agree(before, growth):
                 return Stability(growth, frequency, max(band, frequency), n, True)
             before = growth
@@ -159,7 +159,7 @@ def _agree(before: float, growth: float) -> bool:
     return abs(growth - before) <= max(RELATIVE * abs(growth), ABSOLUTE)
 
 
-def _coarser(a: np.ndarray, functions: int, worst: complex, band: float) -> float | None:
+def _coarser(a, functions: int, worst: complex, band: float, modes) -> float | None:
     """Growth rate with fewer functions, from the matrix of more; None if it differs for certain.
 
     Where the mode itself has moved too far, another that stands where it was is chance.
@@ -167,19 +167,19 @@ def _coarser(a: np.ndarray, functions: int, worst: complex, band: float) -> floa
     n = len(a) // 6
     parts = a.reshape(2, 3, n, 2, 3, n)[:, :, :functions, :, :, :functions]
     fewer = np.ascontiguousarray(parts).reshape(6 * functions, 6 * functions)
-    same = corrected(fewer, worst)
+    same = corrected(fewer, worst, 1e-7)
     if same is not None and not _agree(same.real, worst.real):
         return None
-    return _least_damped(fewer, band).real
+    return _least_damped(fewer, band, modes)[0].real
 
 
-def _least_damped(a: np.ndarray, band: float) -> complex:
-    """The eigenvalue of largest real part in the band."""
-    worst = rightmost(a, band)
+def _least_damped(a: np.ndarray, band: float, modes: int | None) -> tuple[complex, int | None]:
+    """The eigenvalue of largest real part in the band, and what helps to find it again."""
+    worst = rightmost(a, band, modes)
     if worst is not None:
         return worst
     values = _all_eigenvalues(a)
     # On a slow orbit even the pendulum may swing faster than the band: then it is what counts.
     slowest = np.abs(values.imag).min()
     values = values[np.abs(values.imag) <= max(band, slowest)]
-    return complex(values[np.argmax(values.real)])
+    return complex(values[np.argmax(values.real)]), None
