@@ -234,3 +234,35 @@ def test_no_sample_locks_the_truth_out(samples):
         screen.check(sample)
     after = [screen.check(replace(s, flight=2)) for s in circling(10)]
     assert set(after) == {None}
+
+
+@pytest.mark.parametrize("ahead", [11.0, 1e3, 1e7])
+def test_one_time_stamp_far_ahead_is_skipped_and_nothing_after_it(ahead):
+    samples = circling(20)
+    samples[10] = replace(samples[10], time=samples[10].time + ahead)
+    assert codes(samples) == [SkipCode.AHEAD if i == 10 else None for i in range(20)]
+
+
+def test_time_stamps_far_ahead_now_and_then_are_all_skipped():
+    samples = circling(40)
+    for i in range(5, 40, 5):
+        samples[i] = replace(samples[i], time=samples[i].time + 500.0 + i)
+    assert codes(samples) == [SkipCode.AHEAD if i % 5 == 0 and i else None for i in range(40)]
+
+
+def test_after_a_long_gap_the_second_sample_is_used():
+    samples = circling(30)
+    samples = samples[:10] + [replace(s, time=s.time + 30.0) for s in samples[10:]]
+    assert codes(samples) == [SkipCode.AHEAD if i == 10 else None for i in range(30)]
+
+
+def test_a_copy_of_a_sample_far_ahead_confirms_nothing():
+    samples = circling(20)
+    samples[10] = samples[11] = replace(samples[10], time=samples[10].time + 600.0)
+    assert codes(samples)[10:14] == [SkipCode.AHEAD, SkipCode.AHEAD, None, None]
+
+
+def test_a_gap_of_ten_seconds_costs_no_sample():
+    samples = circling(20)
+    samples = samples[:10] + [replace(s, time=s.time + 9.7) for s in samples[10:]]
+    assert set(codes(samples)) == {None}

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from ctcbs_ros.cli.output import finite_or_null, print_json
@@ -61,11 +62,11 @@ def run(args) -> int:
     log = open_log(args.log, *wanted)  # what is no log is refused before a table is built
     table_file = args.table or parameters["table.file"]
 
-    def replay(take):
-        if args.through == "node":
-            return _through_node(args, file, configuration, table_file, take)
-        return _through_core(args, log, configuration, table_file, take)
-
+    # Everything is imported by now: interrupted amid an import, Python may end without its code.
+    if args.through == "node":
+        replay = _through_node(args, file, configuration, table_file)
+    else:
+        replay = _through_core(args, log, configuration, table_file)
     try:
         if args.out:
             with complete_folder(args.out) as folder:
@@ -84,27 +85,39 @@ def run(args) -> int:
     return 0
 
 
-def _through_core(args, log, configuration, table_file, take):
+def _through_core(args, log, configuration, table_file):
+    """A function that replays the log through the core, given what takes its records."""
     from ctcbs_ros.prediction.predictor import Predictor
+    from ctcbs_ros.prediction.warm_up import spare_collector
     from ctcbs_ros.replay.core import replay_through_core
     from ctcbs_ros.table import table_for
 
-    predictor = Predictor(configuration, table_for(configuration, table_file))
-    started = time.monotonic()
-    with _progress_bar(take) as take_and_show:
-        summary = replay_through_core(log, predictor, args.rate, take_and_show)
-    return summary | {"wall_s": time.monotonic() - started}
+    def replay(take):
+        predictor = Predictor(configuration, table_for(configuration, table_file))
+        spare_collector()
+        return _timed(partial(replay_through_core, log, predictor, args.rate), take)
+
+    return replay
 
 
-def _through_node(args, file, configuration, table_file, take):
+def _through_node(args, file, configuration, table_file):
+    """A function that replays the log through the node, given what takes its records."""
     from ctcbs_ros.replay.through_node import replay_through_node, require_ros
     from ctcbs_ros.table import table_for
 
-    require_ros()
-    table_for(configuration, table_file)  # built here if need be, with a progress bar
+    def replay(take):
+        require_ros()
+        table_for(configuration, table_file)  # built here if need be, with a progress bar
+        return _timed(partial(replay_through_node, args.log, file, table_file, args.rate), take)
+
+    return replay
+
+
+def _timed(replay: Callable, take: Callable):
+    """The summary of a replay shown by a progress bar, with the time that it took."""
     started = time.monotonic()
     with _progress_bar(take) as take_and_show:
-        summary = replay_through_node(args.log, file, table_file, args.rate, take_and_show)
+        summary = replay(take_and_show)
     return summary | {"wall_s": time.monotonic() - started}
 
 

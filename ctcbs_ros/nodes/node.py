@@ -24,6 +24,7 @@ from ctcbs_ros.nodes.topics import TopicSamples
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import Record, altitude_reference
+from ctcbs_ros.prediction.warm_up import spare_collector, warm_up
 from ctcbs_ros.replay.summary import Summary, source_counts
 from ctcbs_ros.schema import BY_KEY
 from ctcbs_ros.table import table_for
@@ -73,6 +74,7 @@ class PredictorNode(Node):
 
         self.get_logger().info("loading the table, or building it where there is none yet")
         table = table_for(configuration, self._values["table.file"], sys.stderr.isatty())
+        warm_up(configuration, table)
         self._predictor = Predictor(configuration, table)
         self._outputs = Outputs(
             self,
@@ -85,6 +87,7 @@ class PredictorNode(Node):
         self.add_post_set_parameters_callback(self._change)
         self.create_timer(self._values["diagnostics.period"], self._diagnose, clock=self._steady)
         self._listen()
+        spare_collector()
         self.get_logger().info(f"ready, telemetry from {self._source_name}")
 
     def close(self) -> None:

@@ -37,6 +37,7 @@ class SkipCode(Enum):
     JUMP = "JUMP"  # position contradicts the velocity and the samples before
     DUPLICATE = "DUPLICATE"  # same time and position as a sample already used
     OUT_OF_ORDER = "OUT_OF_ORDER"  # older than a sample already used
+    AHEAD = "AHEAD"  # more than 10 s after the sample before, and none has followed it yet
     FROZEN = "FROZEN"  # position stands still while the velocity says it moves
 
 

@@ -11,6 +11,7 @@ SKIPS = {
     SkipCode.JUMP: "position contradicts the velocity and the samples before",
     SkipCode.DUPLICATE: "a sample already used, sent again",
     SkipCode.OUT_OF_ORDER: "older than a sample already used",
+    SkipCode.AHEAD: "time far ahead of the samples before, followed by none as yet",
     SkipCode.FROZEN: "position stands still while the velocity says it moves",
 }
 WARNINGS = {

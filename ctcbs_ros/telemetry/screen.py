@@ -3,6 +3,7 @@
 A position is believed on evidence, not because it is there: the receiver's own word on its fix,
 and that it lies where the positions and velocities before it lead. What contradicts the sample
 believed last is a jump, unless it persists: then the vehicle was moved, or that sample was wrong.
+A time far ahead is believed once another sample follows it: after a gap the second sample is used.
 """
 
 from math import hypot, isfinite
@@ -27,9 +28,13 @@ POSITION_STEP = 15.0  # m
 HEIGHT_STEP = 50.0  # m; barometers and home positions are reset in flight
 ACCELERATION = 20.0  # m/s^2
 ANY_SPEED = 100.0  # m/s
+# Further ahead of the sample believed last than this, a time stamp may be wrong, and believing it
+# would put every sample after it out of order.
+FAR_AHEAD = 10.0  # s
 # Samples in a row that agree on a place until it is believed: at the start, where the source tells
-# nothing about its fix, and against the sample believed last.
+# nothing about its fix, after a long gap, and against the sample believed last.
 CONFIRMATIONS_AT_START = 3
+CONFIRMATIONS_AFTER_GAP = 2
 CONFIRMATIONS_OF_JUMP = 5
 
 MOVING = 3.0  # m/s
@@ -74,11 +79,17 @@ class Screen:
             states_fix = sample.fix_type is not None or _is_local(sample)
             if not states_fix and not self._confirms(sample, CONFIRMATIONS_AT_START):
                 return SkipCode.BAD_FIX
-        elif not (agree(self._believed, sample) or self._confirms(sample, CONFIRMATIONS_OF_JUMP)):
-            return SkipCode.JUMP
+        elif not agree(self._believed, sample):
+            if not self._confirms(sample, CONFIRMATIONS_OF_JUMP):
+                return SkipCode.JUMP
+        elif self._is_far_ahead(sample) and not self._confirms(sample, CONFIRMATIONS_AFTER_GAP):
+            return SkipCode.AHEAD
         self._believed = sample
         self._candidate = None
         return None
+
+    def _is_far_ahead(self, sample: Sample) -> bool:
+        return sample.time - self._believed.time > FAR_AHEAD
 
     def _begin(self, flight: int | None) -> None:
         self._flight = flight
