@@ -33,7 +33,7 @@ from scipy.linalg.lapack import (
 
 # Dimension of the subspace to begin with, which holds the modes of nine flights in ten; by how
 # much it grows where it is too small, and by how much it exceeds a number of modes known.
-_DIMENSION, _GROWTH, _SPARE = 24, 12, 8
+_DIMENSION, _GROWTH, _SPARE = 18, 12, 6
 # A mode may be this much (relatively) further right than the subspace says. Those in doubt are
 # all corrected, and a correction by more is not believed.
 _DOUBT = 1e-3
@@ -95,14 +95,24 @@ def rightmost(a: np.ndarray, band: float, modes: int | None = None) -> Rightmost
         rest = power - basis @ (basis.T @ power)
         radius = np.linalg.norm(rest) ** -0.125
         # What appears further right belongs to no mode: a subspace has more values than modes.
-        possible = (np.abs(values - sigma) < radius) & (values.real <= right)
-        found = _best(stiffness, damping, values[possible], band)
+        possible = values[(np.abs(values - sigma) < radius) & (values.real <= right)]
+        possible = possible[(possible.imag >= 0.0) & (possible.imag <= band * (1.0 + _DOUBT))]
+        if possible.size == 0:
+            continue
+        if radius <= _needed(band, right, sigma, possible.real.max()):
+            continue
+        found = _best(stiffness, damping, possible, band)
         if found is None:
             continue
-        needed = np.hypot(band, max(right - sigma, sigma - found.real))
+        needed = _needed(band, right, sigma, found.real)
         if radius > needed:
             return Rightmost(found, int(np.count_nonzero(np.abs(values - sigma) < needed)))
     return None
+
+
+def _needed(band, right, sigma, growth) -> float:
+    """Radius of the disk about sigma that holds the band between a growth rate and `right`."""
+    return float(np.hypot(band, max(right - sigma, sigma - growth)))
 
 
 def corrected(a: np.ndarray, value: complex, error: float = _CORRECTED) -> complex | None:
@@ -127,10 +137,11 @@ def _none_beyond(stiffness, damping, band, right) -> bool:
     v* (lambda^2 + lambda C + K) v is at least a^2 - b^2 - 2 |b| + v* (a C_s + K_s) v, which
     grows with a.
     """
-    form = stiffness + right * damping
-    form = 0.5 * (form + form.T)
-    form.flat[:: len(form) + 1] += right * right - band * band - 2.0 * band
-    return dpotrf(form, lower=1, overwrite_a=1)[1] == 0
+    form = right * damping
+    form += stiffness
+    form = form + form.T
+    form.flat[:: len(form) + 1] += 2.0 * (right * right - band * band - 2.0 * band)
+    return dpotrf(form.T, overwrite_a=1, clean=0)[1] == 0
 
 
 def _shifted_inverse(stiffness, damping, sigma) -> np.ndarray | None:
@@ -170,8 +181,7 @@ def _eigenvalues(matrix) -> np.ndarray | None:
 
 
 def _best(stiffness, damping, values, band) -> complex | None:
-    """The rightmost of approximate eigenvalues in the band, corrected; None if in doubt."""
-    values = values[(values.imag >= 0.0) & (values.imag <= band * (1.0 + _DOUBT))]
+    """The rightmost of approximate eigenvalues, corrected, in the band; None if in doubt."""
     best = None
     for count, value in enumerate(values[np.argsort(-values.real)]):
         if best is not None and value.real < best.real - _DOUBT * abs(value):
