@@ -38,9 +38,11 @@ _WORTH = 5.0
 _OTHER_CHANGE = 1e-4
 
 AIR_DENSITY = Family("air density", cable_drag=1.0, end_mass_drag=1.0)
-_FAMILIES = (RADIUS_AT_SPEED, ANGULAR_RATE, AIR_DENSITY)
-# Where the steady state does not stretch, the elasticity of the vibration is a given number.
-_FAMILIES_INEXTENSIBLE = (replace(RADIUS_AT_SPEED, elasticity=0.0), ANGULAR_RATE, AIR_DENSITY)
+# By whether the steady state stretches; if not, the vibration's elasticity is a given number.
+_FAMILIES = {
+    True: (RADIUS_AT_SPEED, ANGULAR_RATE, AIR_DENSITY),
+    False: (replace(RADIUS_AT_SPEED, elasticity=0.0), ANGULAR_RATE, AIR_DENSITY),
+}
 
 
 class MarginFollower:
@@ -110,7 +112,7 @@ class MarginFollower:
         # Derivatives cost as much as four values: they pay where the flight stays near by.
         if may_renew and before is not None and self._stays_near(before, state):
             self.renewed = True
-            known = modes(state, self._fewer, _families(state.parameters))
+            known = modes(state, self._fewer, _FAMILIES[state.parameters.elastic])
             if known is not None:
                 self._known = state, known
                 return _by_derivatives(state, known, state)
@@ -168,7 +170,7 @@ def _along_families(there: SteadyState, state: SteadyState) -> tuple[np.ndarray,
     """
     start, end = there.parameters, state.parameters
     before, after = _logs(start), _logs(end)
-    along, to_tau = _basis(_families(start), tuple(value is not None for value in before))
+    along, to_tau = _basis(start.elastic, tuple(value is not None for value in before))
     change = np.array(
         [0.0 if None in (a, b) else b - a for a, b in zip(before, after, strict=True)]
     )
@@ -191,19 +193,13 @@ def _logs(p: Parameters) -> list[float | None]:
     return [log(value) if 0.0 < value < inf else None for value in values]
 
 
-def _families(p: Parameters) -> tuple[Family, ...]:
-    return _FAMILIES if p.elastic else _FAMILIES_INEXTENSIBLE
-
-
 @lru_cache(maxsize=8)
-def _basis(
-    families: tuple[Family, ...], changing: tuple[bool, ...]
-) -> tuple[np.ndarray, np.ndarray]:
+def _basis(elastic: bool, changing: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Changes of `_logs` by the tau of each family, (7, 3), and back, (3, 7)."""
     along = np.array(
         [
             (f.omega, f.length, f.mass, f.cable_drag, f.end_mass_drag, f.elasticity, f.rate)
-            for f in families
+            for f in _FAMILIES[elastic]
         ]
     ).T
     along[~np.array(changing)] = 0.0

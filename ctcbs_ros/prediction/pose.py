@@ -12,6 +12,9 @@ from ctcbs_ros.solver.steady_state import SteadyState
 
 # Variance of what is not known: attitude of the end mass [rad^2], and anything that overflows.
 UNKNOWN_VARIANCE = 1e6
+_UNKNOWN = np.diag(np.full(6, UNKNOWN_VARIANCE))
+# Position and yaw are known.
+_KNOWN = np.ix_([0, 1, 2, 5], [0, 1, 2, 5])
 CABLE_POINTS = 41
 # Tow radius at fixed angular rate: omega^2 and every length are proportional to it.
 RADIUS_AT_RATE = Family(
@@ -77,10 +80,9 @@ def pose_covariance(orbit: Orbit, point: FlightPoint, state: SteadyState) -> np.
             d_azimuth,
         )
     jacobian[:, 5] = (-radius * s, radius * c, 0.0, 1.0)
-    covariance = np.diag(np.full(6, UNKNOWN_VARIANCE))
+    covariance = _UNKNOWN.copy()
     with np.errstate(all="ignore"):
         known = jacobian @ orbit.covariance @ jacobian.T
-    if np.all(np.isfinite(known)) and known.trace() < 3.0 * UNKNOWN_VARIANCE:
-        rows = np.array([0, 1, 2, 5])
-        covariance[np.ix_(rows, rows)] = 0.5 * (known + known.T)
+    if np.isfinite(known).all() and known.trace() < 3.0 * UNKNOWN_VARIANCE:
+        covariance[_KNOWN] = 0.5 * (known + known.T)
     return covariance
