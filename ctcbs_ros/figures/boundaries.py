@@ -5,13 +5,14 @@ Where a locus has no point at a length, the row says so in its note and is drawn
 
 from dataclasses import replace
 from itertools import pairwise
-from math import hypot, log, nan
+from math import hypot, log
 
 import numpy as np
 
 from ctcbs_ros.figures.rows import Row
+from ctcbs_ros.solver import critical_drag
+from ctcbs_ros.solver import cusp as solver_cusp
 from ctcbs_ros.solver.fold_curve import FoldCurve, LocusPoint, Surface, fold_curves, point
-from ctcbs_ros.solver.loci import critical_drag, cusp, first_minimum_state
 from ctcbs_ros.solver.parameters import Parameters
 
 FOLD_COLUMNS = (
@@ -26,10 +27,7 @@ CUSP_COLUMNS = (
     "end_mass_radius", "note",
 )
 CUSP = "cusp"
-_NONE = {
-    "unique": "several solutions at every drag up to 2000, or at none from 0.01 on",
-    "stable": "no first minimum that is unstable at a drag from 0.01 to 2000",
-}
+_NONE = "no such drag from 0.01 to 2000"
 # Distance of neighbouring points of a fold path, in the logarithms of its quantities.
 _STEP = 0.04
 
@@ -70,19 +68,34 @@ def fold_paths(
 
 def least_unique_drag(name: str, length: float, end_mass: float, drag_ratio: float) -> list[Row]:
     """The least cable drag above which every omega up to 3 has one steady state: one row."""
-    return [_least(name, length, end_mass, drag_ratio, "unique")]
+    return [_least(solver_cusp.least_unique_drag, "unique", name, length, end_mass, drag_ratio)]
 
 
 def least_stable_drag(name: str, length: float, end_mass: float, drag_ratio: float) -> list[Row]:
     """The least cable drag above which the first minimum of the radius is stable: one row."""
-    return [_least(name, length, end_mass, drag_ratio, "stable")]
+    found = _least(
+        critical_drag.least_stable_drag, "stable at the first minimum", name, length, end_mass,
+        drag_ratio,
+    )  # fmt: skip
+    return [found]
+
+
+def least_drag_stable_everywhere(
+    name: str, length: float, end_mass: float, drag_ratio: float
+) -> list[Row]:
+    """The least drag above which the branch from omega 0 is stable up to omega 3: one row."""
+    found = _least(
+        critical_drag.least_drag_stable_everywhere, "stable from omega 0 up to 3", name, length,
+        end_mass, drag_ratio,
+    )  # fmt: skip
+    return [found]
 
 
 def cusp_and_minimum(name: str, length: float, end_mass: float, drag_ratio: float) -> list[Row]:
     """The cusp, and the first minimum of the end-mass radius at the cusp's drag: two rows."""
     parameters = Parameters(1.0, length, end_mass, 1.0, drag_ratio)
     fixed = {"curve": name, "length": length, "end_mass": end_mass, "drag_ratio": drag_ratio}
-    born = cusp(parameters)
+    born = solver_cusp.cusp(parameters)
     if born is None:
         note = "no cusp up to omega 3"
         return [{"kind": kind, "note": note} | fixed for kind in ("cusp", "first minimum")]
@@ -91,7 +104,8 @@ def cusp_and_minimum(name: str, length: float, end_mass: float, drag_ratio: floa
         {"kind": "cusp", "omega": born.omega, "end_mass_radius": born.end_mass_radius} | fixed
     ]
     # A little more drag: at the cusp itself the branch is vertical.
-    state = first_minimum_state(replace(parameters, cable_drag=born.cable_drag * 1.0001))
+    above = replace(parameters, cable_drag=born.cable_drag * 1.0001)
+    state = critical_drag.first_minimum_state(above)
     if state is None:
         return [*rows, {"kind": "first minimum", "note": "no minimum up to omega 10"} | fixed]
     return [
@@ -103,18 +117,16 @@ def cusp_and_minimum(name: str, length: float, end_mass: float, drag_ratio: floa
     ]  # fmt: skip
 
 
-def _least(name, length, end_mass, drag_ratio, what: str) -> Row:
+def _least(function, kind: str, name: str, length, end_mass, drag_ratio) -> Row:
     row = {
-        "kind": "boundary", "curve": name, "length": length, "end_mass": end_mass,
-        "drag_ratio": drag_ratio, "cable_drag": nan,
+        "kind": kind, "curve": name, "length": length, "end_mass": end_mass,
+        "drag_ratio": drag_ratio,
     }  # fmt: skip
     try:
-        found = getattr(critical_drag(Parameters(1.0, length, end_mass, 1.0, drag_ratio)), what)
+        found = function(Parameters(1.0, length, end_mass, 1.0, drag_ratio))
     except ArithmeticError as error:
         return row | {"note": str(error)}
-    if found is None:
-        return row | {"note": _NONE[what]}
-    return row | {"cable_drag": found}
+    return row | ({"note": _NONE} if found is None else {"cable_drag": found})
 
 
 def _dense(surface: Surface, found: FoldCurve) -> list[LocusPoint]:

@@ -27,13 +27,13 @@ _FOLD_PATHS = (
 _LENGTHS = tuple(1.5 + 0.25 * i for i in range(19))
 
 
-def _over_length(function, masses, ratios):
+def _over_length(function, masses, ratios, step: int = 1):
     """Calls for every length, each curve of an end mass and a drag ratio."""
     return tuple(
         (function, (f"m {mass:g}, f {ratio:g}", length, mass, ratio))
         for ratio in ratios
         for mass in masses
-        for length in _LENGTHS
+        for length in _LENGTHS[::step]
     )
 
 
@@ -151,11 +151,18 @@ def _figure_4_1() -> Figure:
 def _figure_4_2() -> Figure:
     return Figure(
         number="4.2",
-        title="least cable drag for a stable first minimum of the end-mass radius",
-        note=f"{_MODEL}; with every greater drag up to 2000 the state at the first minimum is "
-        "stable, wherever there is one up to omega 10",
+        title="least cable drag for stable solutions",
+        note=f"{_MODEL}; with every greater drag up to 2000 the state at the first minimum of the "
+        "end-mass radius is stable, wherever there is one up to omega 10, as the thesis asks; "
+        "and, beyond the thesis, every state on the branch from omega 0 up to omega 3; where a "
+        "curve ends there is no first minimum, or more drag is needed for uniqueness (Fig. 3.3)",
         columns=boundaries.LEAST_DRAG_COLUMNS,
-        calls=_over_length(boundaries.least_stable_drag, (20.0, 50.0, 100.0), (1.0, 2.0)),
+        calls=(
+            *_over_length(boundaries.least_stable_drag, (20.0, 50.0, 100.0), (1.0, 2.0)),
+            *_over_length(
+                boundaries.least_drag_stable_everywhere, (20.0, 50.0, 100.0), (1.0, 2.0), step=2
+            ),
+        ),
         given=(),
         draw=draw_least_drags,
     )
@@ -192,7 +199,7 @@ def _figure_5_2() -> Figure:
             (100.0, 8.43e-3, "f 0.1"),
         ),
         draw=partial(
-            draw_curves, x="tow_radius_m", limits=(95.0, 255.0, 0.005, 0.2), logarithmic=True
+            draw_curves, x="tow_radius_m", limits=(95.0, 255.0, 0.005, 0.2), log_radius=True
         ),
     )  # fmt: skip
 

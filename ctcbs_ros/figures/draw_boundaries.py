@@ -1,9 +1,17 @@
 """Drawings of loci in two parameters: Figs. 3.2, 3.3, 3.4 and 4.2."""
 
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
 
-from ctcbs_ros.figures.drawing import COLORS, GIVEN, LABELS, blank, grouped, of_kind, typeset
+from ctcbs_ros.figures.drawing import (
+    COLORS,
+    GIVEN,
+    LABELS,
+    blank,
+    grouped,
+    logarithmic,
+    of_kind,
+    typeset,
+)
 
 # The thesis's own looks: a dash for each end mass, dark and light for the drag ratios 1 and 2.
 _DASHES = {20.0: "-", 50.0: "--", 100.0: "-."}
@@ -51,19 +59,25 @@ def draw_folds(title: str, rows, limits):
 
 
 def draw_least_drags(title: str, rows):
-    """Least cable drag against cable length: a dash for each end mass, a shade for each ratio."""
-    figure, axes = blank(title)
-    for (name, mass, ratio), row in _curves(of_kind(rows, "boundary")):
-        axes.plot(
-            [r["length"] for r in row], [r["cable_drag"] for r in row], _DASHES[mass],
-            color=_SHADES[ratio], marker=".", markersize=4, lw=1.5, label=name,
-        )  # fmt: skip
-    axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set(xlabel=LABELS["length"], ylabel=LABELS["cable_drag"])
-    _legend(axes, axes.get_legend_handles_labels()[0])
+    """Least cable drags against cable length, a panel for each kind of them.
+
+    A dash for each end mass, a shade for each drag ratio.
+    """
+    kinds = list(dict.fromkeys(row["kind"] for row in rows))
+    figure, panels = blank(title, panels=len(kinds), height=5.8 if len(kinds) == 1 else 8.5)
+    panels = panels if len(kinds) > 1 else [panels]
+    for axes, kind in zip(panels, kinds, strict=True):
+        for (name, mass, ratio), curve in _curves(of_kind(rows, kind)):
+            axes.plot(
+                [row["length"] for row in curve], [row["cable_drag"] for row in curve],
+                _DASHES[mass], color=_SHADES[ratio], marker=".", markersize=4, lw=1.5, label=name,
+            )  # fmt: skip
+        axes.set_ylabel(LABELS["cable_drag"])
+        if len(kinds) > 1:
+            axes.set_title(kind, fontsize=10)
+        logarithmic(axes)
+    panels[-1].set_xlabel(LABELS["length"])
+    _legend(panels[0], panels[0].get_legend_handles_labels()[0])
     return figure
 
 
@@ -80,10 +94,7 @@ def draw_cusps(title: str, rows):
                     label=f"{kind}, {name}",
                 )  # fmt: skip
         axes.set_ylabel(LABELS[quantity])
-        axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        logarithmic(axes)
     for row in of_kind(rows, "thesis"):
         panels[0].plot(row["length"], row["omega"], "+", color=GIVEN, markersize=9, mew=1.4)
     panels[1].set_xlabel(LABELS["length"])

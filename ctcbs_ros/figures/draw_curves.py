@@ -1,7 +1,6 @@
 """Drawings of bifurcation diagrams: Figs. 3.1, 4.1, 5.2, 5.3 and D.1."""
 
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from ctcbs_ros.figures.drawing import (
     COLORS,
@@ -12,6 +11,7 @@ from ctcbs_ros.figures.drawing import (
     draw_events,
     grouped,
     keys,
+    logarithmic,
     of_kind,
 )
 
@@ -19,7 +19,7 @@ _GIVEN_KEY = "number in the thesis's text"
 
 
 def draw_curves(
-    title: str, rows, x: str = "omega", y: str = "end_mass_radius", limits=None, logarithmic=False,
+    title: str, rows, x: str = "omega", y: str = "end_mass_radius", limits=None, log_radius=False,
     inset=None,
 ):
     """Each curve in a colour of its own, with its events, jumps and the thesis's numbers.
@@ -33,8 +33,8 @@ def draw_curves(
         Columns of the axes.
     limits : tuple of 4 floats, optional
         Of x and y.
-    logarithmic : bool
-        Of y.
+    log_radius : bool
+        Whether y is logarithmic.
     inset : tuple of 2 tuples of 4 floats, optional
         Place of an enlarged part within the axes, as fractions (left, bottom, width, height), and
         the part's limits of x and y.
@@ -63,11 +63,8 @@ def draw_curves(
     entries += _draw_fold_path(axes, of_kind(rows, "fold path"), x, y)
     entries += _draw_given(axes, parts[-1], of_kind(rows, "thesis"), x, y)
     entries += _draw_ranges(parts[-1], of_kind(rows, "thesis range"), x, colors)
-    if logarithmic:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter(NullFormatter())
+    if log_radius:
+        logarithmic(axes)
     if limits is not None:
         axes.set(xlim=limits[:2], ylim=limits[2:])
     axes.set(xlabel=LABELS[x], ylabel=LABELS[y])

@@ -6,6 +6,7 @@ Every symbol of the thesis is named in words beside it; lengths are over the tow
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from ctcbs_ros.figures.curves import DIVERGENCE, FIRST_MINIMUM, FLUTTER, FOLD, HOPF, STABLE
 from ctcbs_ros.figures.rows import Row
@@ -34,6 +35,14 @@ def blank(title: str, panels: int = 1, width: float = 10.0, height: float = 5.8)
     for each in axes:
         each.grid(alpha=0.25)
     return figure, axes[0] if panels == 1 else list(axes)
+
+
+def logarithmic(axes) -> None:
+    """A logarithmic y axis with plain numbers at 1, 2 and 5."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def typeset(text: str) -> str:
