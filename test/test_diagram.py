@@ -5,6 +5,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -71,15 +72,76 @@ def test_hopf_points_are_the_edges_of_both_flutter_windows():
 
     def growth(omega):
         (state,) = steady_states(replace(FIG_41, omega=omega)).states
-        return stability(state, functions=(27,)).growth_rate
+        return stability(state, functions=(40,)).growth_rate
 
     brackets = ((1.8, 2.0), (2.0, 2.2), (2.7, 3.0))
     edges = [brentq(growth, *bracket, xtol=1e-8) for bracket in brackets]
-    # The number of functions may differ: the growth rate is converged to 1 % of itself or 1e-5.
-    np.testing.assert_allclose([e.omega for e in branch.hopf], edges, atol=3e-3)
+    np.testing.assert_allclose([e.omega for e in branch.hopf], edges, atol=2e-4)
+    assert [e.kind for e in branch.stability_changes] == ["hopf"] * 3
     # Thesis, Fig. 4.1: 1.8 to 2.2 and from 2.8 on.
     np.testing.assert_allclose(edges, [1.8, 2.2, 2.8], atol=0.25)
     assert all(0.6 < e.frequency < 0.8 for e in branch.hopf)
+
+
+def test_window_of_flutter_narrower_than_a_step_is_found():
+    parameters = replace(FIG_41, cable_drag=1.73)
+    (branch,) = diagram(parameters, OMEGA, 1.0, 0.05, 2.5)
+
+    def growth(omega):
+        (state,) = steady_states(replace(parameters, omega=omega)).states
+        return stability(state, functions=(40,)).growth_rate
+
+    worst = minimize_scalar(lambda w: -growth(w), bounds=(1.9, 1.98), method="bounded").x
+    edges = [brentq(growth, 1.85, worst), brentq(growth, worst, 2.05)]
+    np.testing.assert_allclose([e.omega for e in branch.hopf], edges, atol=2e-4)
+    # No point of the branch lies in the window: it shows in the slopes at its ends alone.
+    assert not any(edges[0] < point.omega < edges[1] for point in branch.points)
+
+
+def test_pair_of_folds_closer_than_a_step_is_found():
+    # Just below the cusp at d_n 6.157654.
+    parameters = replace(FIG_31, cable_drag=6.14)
+    (branch,) = diagram(parameters, OMEGA, 1.0, 0.05, 3.0, with_stability=False)
+    folds = sorted(event.omega for event in branch.folds)
+    inside = 0.5 * (folds[0] + folds[1])
+    assert folds[1] - folds[0] < 1e-3
+    assert [count(parameters, w) for w in (folds[0] - 1e-6, inside, folds[1] + 1e-6)] == [1, 3, 1]
+
+
+@pytest.mark.parametrize("drag", [0.4396, 0.4397, 0.4399])
+def test_branches_keep_apart_where_they_almost_touch(drag):
+    # A light mass on a long cable: two branches touch at d_n 0.439716, omega 2.17604.
+    parameters = Parameters(1.0, 6.0, 3.5, drag, 0.1)
+    branches = diagram(parameters, OMEGA, 1.0, 0.05, 3.0, with_stability=False)
+    for omega in (0.5, 2.05, 2.1, 2.15, 2.17, 2.18, 2.2, 2.4, 2.9):
+        crossings = sum(
+            (a.omega - omega) * (b.omega - omega) < 0.0
+            for branch in branches
+            for a, b in pairwise(branch.points)
+        )
+        assert crossings == count(parameters, omega)
+
+
+def test_real_modes_that_cross_without_a_fold_are_reported_as_such():
+    # The thesis's base does not stretch, its vibration does: state and vibration fold apart.
+    (branch,) = diagram(FIG_31, OMEGA, 1.0, 0.05, 3.0)
+    assert not any(fold.changes_stability for fold in branch.folds)
+    assert [e.kind for e in branch.stability_changes] == ["divergence", "divergence", "hopf"]
+    for event in branch.divergences:
+        near = min(
+            steady_states(replace(FIG_31, omega=event.omega)).states,
+            key=lambda s: abs(s.end_mass_radius - event.end_mass_radius),
+        )
+        sides = stability(near)
+        assert abs(sides.growth_rate) < 1e-6
+        assert sides.frequency == 0.0
+
+
+def test_folds_of_a_cable_that_stretches_are_where_its_stability_changes():
+    parameters = replace(FIG_31, elasticity=600.0, cable_drag=2.7)
+    (branch,) = diagram(parameters, OMEGA, 1.0, 0.05, 3.0)
+    assert [e.kind for e in branch.stability_changes] == ["fold", "fold", "hopf"]
+    assert not branch.divergences
 
 
 def test_first_minimum_of_the_radius_is_the_least_of_its_neighbourhood():

@@ -105,9 +105,10 @@ def trace(
     if not good:
         return LOST, 0
     size = np.sqrt(h_u * h_u + h_tau * h_tau)
-    t_tau, t_u = h_u / size, -h_tau / size
-    if t_tau * direction < 0.0:
-        t_tau, t_u = -t_tau, -t_u
+    # The gradient stays on one side of the curve. Where it changes side, a step has gone over a
+    # narrow neck (a saddle of h) to another curve.
+    side = -1.0 if h_u * direction < 0.0 else 1.0
+    t_tau, t_u = side * h_u / size, -side * h_tau / size
     points[0, 0], points[0, 1], points[0, 2], points[0, 3] = tau, u, h_u, h_tau
     count = 1
     step = 0.02
@@ -121,9 +122,7 @@ def trace(
         size = np.sqrt(g_u * g_u + g_tau * g_tau)
         n_tau, n_u = 0.0, 0.0
         if good:
-            n_tau, n_u = g_u / size, -g_tau / size
-            if n_tau * t_tau + n_u * t_u < 0.0:
-                n_tau, n_u = -n_tau, -n_u
+            n_tau, n_u = side * g_u / size, -side * g_tau / size
             turn = 1.0 - (n_tau * t_tau + n_u * t_u)
             # Near a fold (a tangent almost along u) steps are shorter, so that a pair of folds
             # about to merge in a cusp shows as two changes of sign and not as none.

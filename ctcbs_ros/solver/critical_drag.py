@@ -218,7 +218,7 @@ def largest_growth(
         if not (a <= b >= c) or b < min(rate, 0.0) - _NEAR or not np.isfinite(a + c):
             continue
         refined = minimize_scalar(
-            lambda s: -growth(s), bounds=(i - 1.0, i + 1.0), method="bounded",
+            lambda s: -max(growth(s), -1.0), bounds=(i - 1.0, i + 1.0), method="bounded",
             options={"xatol": 1e-3 if near is None else 1e-4, "maxiter": 20},
         )
         if -refined.fun > rate:
@@ -256,8 +256,8 @@ def _peak(growth, three, functions):
     if not (a < b > c and b > -_NEAR):
         return None
     found = minimize_scalar(
-        lambda delta: -growth(delta, functions, near)[0], bounds=(low, high), method="bounded",
-        options={"xatol": 1e-3, "maxiter": 15},
+        lambda delta: -max(growth(delta, functions, near)[0], -1.0),
+        bounds=(low, high), method="bounded", options={"xatol": 1e-3, "maxiter": 15},
     )
     return float(found.x), -float(found.fun), near
 

@@ -1,26 +1,35 @@
 """Bifurcation diagrams: every branch in one varying parameter, and the events on it.
 
-The states are the level set of one smooth function (`ctcbs_ros.kernels.continuation`). Every
-branch in the range is met by finding all states on a set of cuts and tracing those that no branch
-found so far passes through; an event is a zero of a smooth function along a branch.
+All branches of the range are those of `level_set`; folds and extrema on them are zeros of the
+gradient (`events`), Hopf points and other losses of stability zeros of a mode's growth (`modes`).
 """
 
+import itertools
 from dataclasses import dataclass
-from itertools import pairwise
-from math import exp, log
+from math import exp, inf, isfinite, log, nan
 
 import numpy as np
 
 from ctcbs_ros.errors import InputError
-from ctcbs_ros.kernels import continuation
+from ctcbs_ros.kernels.search import MAX_STRAIN
 from ctcbs_ros.solver.branches import trace
+from ctcbs_ros.solver.events import EXTREMA, FOLDS, Line, zeros
 from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.level_set import curves
+from ctcbs_ros.solver.modes import crossings, modes
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
-from ctcbs_ros.solver.steady_state import TOLERANCE, SteadyState, correct_state
+from ctcbs_ros.solver.steady_state import SteadyState, correct_state, describe
 
+OK = "ok"
 _SMALLEST_OMEGA = 0.02
+# A real mode that crosses zero this near to a fold (in ln radius) is that fold.
+_AT_FOLD = 1e-3
+_REAL = 1e-6
+# Most functions a coordinate that modes are followed with.
+_LOOKOUT = 18
+# A growth rate this near to zero can be of either sign with another number of functions.
+_MARGINAL = 1e-4
 
 VARIED = {
     "omega": Family("omega", omega=1.0),
@@ -33,13 +42,25 @@ VARIED = {
 
 @dataclass(frozen=True)
 class DiagramPoint:
-    """A state on a branch: the varied value, omega, end-mass radius, growth rate and frequency."""
+    """A state on a branch.
+
+    Attributes
+    ----------
+    value, omega, end_mass_radius : float
+        The varied value, and the state there.
+    growth_rate, frequency : float
+        Of the least damped mode, per radian of orbit; nan where they were not asked for or not
+        found.
+    status : str
+        "ok", or in what respect the numbers are not to be trusted.
+    """
 
     value: float
     omega: float
     end_mass_radius: float
     growth_rate: float
     frequency: float
+    status: str = OK
 
     @property
     def stable(self) -> bool:
@@ -49,12 +70,27 @@ class DiagramPoint:
 
 @dataclass(frozen=True)
 class Event:
-    """A fold, a Hopf point or an extremum: the varied value, omega, end-mass radius, frequency."""
+    """An event on a branch.
+
+    Attributes
+    ----------
+    value, omega, end_mass_radius : float
+    frequency : float
+        Of the mode that crosses; 0 where none oscillates.
+    kind : str
+        "fold", "minimum", "maximum" (of the end-mass radius), "hopf", "divergence" (a real mode
+        crosses zero though nothing folds, as it can where the base does not stretch but the
+        vibration does) or "band" (a growing mode enters or leaves the band).
+    changes_stability : bool
+        Whether the state is stable on one side and not on the other.
+    """
 
     value: float
     omega: float
     end_mass_radius: float
     frequency: float = 0.0
+    kind: str = ""
+    changes_stability: bool = False
 
 
 @dataclass(frozen=True)
@@ -65,8 +101,10 @@ class DiagramBranch:
     ----------
     points : tuple of DiagramPoint
         Along the branch.
-    folds, hopf, minima, maxima : tuple of Event
+    folds, hopf, divergences, minima, maxima : tuple of Event
         Minima and maxima are those of the end-mass radius against the varied value.
+    stability_changes : tuple of Event
+        Every place where stability is lost or gained, of whatever kind, along the branch.
     connected_to_zero : bool
         Whether the branch, followed in omega, leads to the state at omega -> 0.
     """
@@ -77,6 +115,8 @@ class DiagramBranch:
     minima: tuple[Event, ...]
     maxima: tuple[Event, ...]
     connected_to_zero: bool
+    divergences: tuple[Event, ...] = ()
+    stability_changes: tuple[Event, ...] = ()
 
 
 def diagram(
@@ -111,7 +151,7 @@ def diagram(
     tau_low, tau_high = log(low / value), log(high / value)
     traces = curves(parameters, family, tau_low, tau_high)
     branches = [
-        _branch(parameters, family, value, points, with_stability)
+        _branch(_Problem(parameters, family, value, tau_low, tau_high), points, with_stability)
         for points in traces
     ]
     return tuple(sorted(branches, key=lambda b: not b.connected_to_zero))
@@ -123,100 +163,169 @@ def first_minimum(branches) -> Event | None:
     return min(minima, key=lambda e: e.value, default=None)
 
 
-def _branch(parameters, family, value, points, with_stability) -> DiagramBranch:
-    described = [
-        _describe(parameters, family, value, tau, u, with_stability) for tau, u in points[:, :2]
+@dataclass(frozen=True)
+class _Problem:
+    parameters: Parameters
+    family: Family
+    value: float
+    tau_low: float
+    tau_high: float
+
+    def at(self, tau: float) -> Parameters:
+        return self.family.at(self.parameters, float(tau))
+
+    def event(self, tau, u, kind, frequency=0.0, changes_stability=False) -> Event:
+        return Event(
+            self.value * exp(tau), self.at(tau).omega, exp(u), frequency, kind, changes_stability
+        )
+
+
+def _branch(problem: _Problem, rows: np.ndarray, with_stability: bool) -> DiagramBranch:
+    line = Line(problem.parameters, problem.family, rows)
+    described = [_describe(problem, tau, u, with_stability) for tau, u in rows[:, :2]]
+    points = [point for point, _ in described]
+    for end in (0, -1):
+        tau = rows[end, 0]
+        closed = np.allclose(rows[0, :2], rows[-1, :2])
+        at_edge = min(abs(tau - problem.tau_low), abs(tau - problem.tau_high)) < 1e-6
+        if not closed and not at_edge and points[end].status == OK:
+            points[end] = _with_status(points[end], "the branch is lost here")
+    folds = [
+        (place, problem.event(tau, u, "fold")) for place, tau, u, _ in zeros(line, FOLDS)
     ]
-    kept = [(row, d) for row, d in zip(points, described, strict=True) if d is not None]
-    states = tuple(d for _, d in kept)
-    rows = np.array([row for row, _ in kept])
-    folds = _events(parameters, family, value, rows, 2)
-    extrema = _events(parameters, family, value, rows, 3)
     minima, maxima = [], []
-    for event, index in extrema:
-        # d u/d tau = -h_tau/h_u goes from minus to plus with rising tau at a minimum.
-        falls = -rows[index, 3] / rows[index, 2] * (rows[index + 1, 0] - rows[index, 0]) < 0.0
-        (minima if falls else maxima).append(event)
-    hopf = _hopf(parameters, family, value, rows, states) if with_stability else ()
-    return DiagramBranch(
-        states, tuple(e for e, _ in folds), hopf, tuple(minima), tuple(maxima),
-        _connected(parameters, family, rows[len(rows) // 2]),
-    )
-
-
-def _state(parameters, family, tau, u) -> SteadyState | None:
-    return correct_state(family.at(parameters, float(tau)), exp(u), max_step=0.05)
-
-
-def _describe(parameters, family, value, tau, u, with_stability) -> DiagramPoint | None:
-    state = _state(parameters, family, tau, u)
-    if state is None:
-        # At a fold Newton's method in u alone stalls; the trace's own point stands.
-        return DiagramPoint(
-            value * exp(tau), family.at(parameters, float(tau)).omega, exp(u), float("nan"), 0.0
-        )
-    growth, frequency = float("nan"), 0.0
+    for _, tau, u, least in zeros(line, EXTREMA):
+        kind = "minimum" if least else "maximum"
+        (minima if least else maxima).append(problem.event(tau, u, kind))
+    hopf, divergences, changes = [], [], []
     if with_stability:
-        damping = stability(state)
-        growth, frequency = damping.growth_rate, damping.frequency
-    return DiagramPoint(
-        value * exp(tau), state.parameters.omega, state.end_mass_radius, growth, frequency
+        used = [functions for _, functions in described if functions]
+        events = _losses(problem, line, folds, used)
+        hopf = [event for _, event in events if event.kind == "hopf"]
+        divergences = [event for _, event in events if event.kind == "divergence"]
+        folds = [(s, e) for s, e in events if e.kind == "fold"]
+        changes = sorted(
+            [(s, e) for s, e in events if e.changes_stability]
+            + _unexplained(problem, line, points, events),
+            key=lambda found: found[0],
+        )
+    return DiagramBranch(
+        tuple(points), tuple(e for _, e in folds), tuple(hopf), tuple(minima), tuple(maxima),
+        _connected(problem, rows[len(rows) // 2]), tuple(divergences),
+        tuple(e for _, e in changes),
     )
 
 
-def _events(parameters, family, value, rows, column) -> list[tuple[Event, int]]:
-    """Zeros of one component of the gradient along a branch, each with the index before it."""
-    found = []
-    for i in np.flatnonzero(rows[:-1, column] * rows[1:, column] < 0.0):
-        tau, u, good = continuation.zero_between(
-            parameters.theta(), family.exponents(), parameters.length, family.length, TOLERANCE,
-            np.ascontiguousarray(rows[i : i + 2]), column,
+def _with_status(point: DiagramPoint, status: str) -> DiagramPoint:
+    return DiagramPoint(
+        point.value, point.omega, point.end_mass_radius, point.growth_rate, point.frequency, status
+    )
+
+
+def _describe(problem: _Problem, tau, u, with_stability) -> tuple[DiagramPoint, int]:
+    """A point of the branch, and the functions its growth rate took (0 without one)."""
+    here = problem.at(tau)
+    # At a fold Newton's method in u alone stalls; the trace's own point stands.
+    state = correct_state(here, exp(u), max_step=0.05) or describe(here, float(u))
+    if state is None:
+        point = DiagramPoint(
+            problem.value * exp(tau), here.omega, exp(u), nan, nan,
+            "the cable cannot be integrated",
         )
-        if good:
-            omega = family.at(parameters, tau).omega
-            found.append((Event(value * exp(tau), omega, exp(u)), int(i)))
+        return point, 0
+    status, growth, frequency, functions = _trust(state), nan, nan, 0
+    if with_stability and isfinite(state.end_mass_radius):
+        try:
+            damping = stability(state)
+        except (ArithmeticError, np.linalg.LinAlgError):
+            status = "no eigenvalues" if status == OK else status
+        else:
+            growth, frequency = damping.growth_rate, damping.frequency
+            functions = damping.functions
+            if not damping.converged and abs(growth) > _MARGINAL and status == OK:
+                status = "the growth rate is not converged"
+    point = DiagramPoint(
+        problem.value * exp(tau), here.omega, state.end_mass_radius, growth, frequency, status
+    )
+    return point, functions
+
+
+def _trust(state: SteadyState) -> str:
+    tension = max(state.tension_end_mass, state.tension_tow_point)
+    if state.least_tension <= 0.0:
+        return "the cable is slack"
+    if tension > MAX_STRAIN * state.parameters.elasticity:
+        return f"stretched beyond a strain of {MAX_STRAIN:g}"
+    # A fold's own residual is quadratic in its place, which is no better known.
+    if not state.converged and state.residual > 1e-7:
+        return f"residual {state.residual:.1e}"
+    return OK
+
+
+def _losses(problem: _Problem, line: Line, folds, used) -> list[tuple[float, Event]]:
+    """Folds, Hopf points and divergences with their places, in the order of the branch."""
+    if len(line.rows) < 2 or not used:
+        return folds
+    # A crossing is then located with as many as it needs.
+    functions = min(int(np.median(used)), _LOOKOUT)
+
+    def state_at(place):
+        found = line.at(place)
+        return None if found is None else describe(problem.at(found[0]), float(found[1]))
+
+    events, at_folds = [], {}
+    for crossing in crossings(state_at, range(len(line.rows)), functions):
+        state = crossing.state
+        u = log(state.end_mass_radius)
+        tau = float(line.at(crossing.place)[0])
+        values = modes(state, crossing.functions)
+        values = values[values.imag <= state.parameters.band]
+        mode = np.argmin(np.abs(values - 1j * crossing.frequency))
+        leading = bool(np.all(np.delete(values, mode).real < 0.0))
+        if crossing.frequency > _REAL:
+            event = problem.event(tau, u, "hopf", crossing.frequency, leading)
+            events.append((crossing.place, event))
+            continue
+        near = [
+            i for i, (_, fold) in enumerate(folds)
+            if abs(log(fold.end_mass_radius) - u) < _AT_FOLD
+            and abs(log(fold.value / problem.value) - tau) < _AT_FOLD
+        ]
+        if near:
+            at_folds[near[0]] = leading
+        else:
+            events.append((crossing.place, problem.event(tau, u, "divergence", 0.0, leading)))
+    for i, (place, fold) in enumerate(folds):
+        tau, u = log(fold.value / problem.value), log(fold.end_mass_radius)
+        events.append((place, problem.event(tau, u, "fold", 0.0, at_folds.get(i, False))))
+    return sorted(events, key=lambda found: found[0])
+
+
+def _unexplained(problem: _Problem, line: Line, points, events) -> list[tuple[float, Event]]:
+    """Changes of stability without a crossing: a growing mode passes the edge of the band."""
+    found = []
+    for i, (a, b) in enumerate(itertools.pairwise(points)):
+        rates = abs(a.growth_rate), abs(b.growth_rate)
+        if a.stable == b.stable or not min(rates) > _MARGINAL or not max(rates) < inf:
+            continue
+        if any(i - 0.1 <= place <= i + 1.1 for place, event in events):
+            continue
+        low, high, place = float(i), i + 1.0, None
+        while high - low > 1e-10:
+            middle = 0.5 * (low + high)
+            place = line.at(middle)
+            state = None if place is None else describe(problem.at(place[0]), float(place[1]))
+            if state is None:
+                break
+            low, high = (middle, high) if stability(state).stable == a.stable else (low, middle)
+        if place is not None:
+            found.append((low, problem.event(place[0], place[1], "band", 0.0, True)))
     return found
 
 
-def _hopf(parameters, family, value, rows, states) -> tuple[Event, ...]:
-    """Points where a pair of complex eigenvalues crosses the imaginary axis."""
-    found = []
-    for i, (a, b) in enumerate(pairwise(states)):
-        if not (a.growth_rate * b.growth_rate < 0.0) or rows[i, 2] * rows[i + 1, 2] < 0.0:
-            continue
-        functions = None
-        low, high = 0.0, 1.0
-        g_low, g_high = a.growth_rate, b.growth_rate
-        damping, state = None, None
-        for _ in range(60):
-            share = (low * g_high - high * g_low) / (g_high - g_low)
-            share = min(max(share, low + 0.05 * (high - low)), high - 0.05 * (high - low))
-            tau, u = rows[i, :2] + share * (rows[i + 1, :2] - rows[i, :2])
-            state = _state(parameters, family, tau, u)
-            if state is None:
-                break
-            damping = stability(state) if functions is None else stability(
-                state, functions=(functions,)
-            )
-            # One number of functions for all: two numbers' growth rates differ by more than 1e-9.
-            functions = functions or damping.functions
-            if abs(damping.growth_rate) < 1e-12 or high - low < 1e-11:
-                break
-            if damping.growth_rate * g_low > 0.0:
-                low, g_low = share, damping.growth_rate
-            else:
-                high, g_high = share, damping.growth_rate
-        if state is not None and damping.frequency > 1e-6:
-            found.append(
-                Event(value * exp(tau), state.parameters.omega, state.end_mass_radius,
-                      damping.frequency)
-            )
-    return tuple(found)
-
-
-def _connected(parameters, family, row) -> bool:
+def _connected(problem: _Problem, row) -> bool:
     """Whether a state, followed in omega through all folds, leads to omega -> 0."""
-    state = _state(parameters, family, row[0], row[1])
+    state = correct_state(problem.at(row[0]), exp(row[1]), max_step=0.05)
     if state is None:
         return False
     down = log(_SMALLEST_OMEGA / state.parameters.omega)

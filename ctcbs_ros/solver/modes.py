@@ -20,6 +20,7 @@ from scipy.linalg.lapack import dgeev
 from scipy.optimize import brentq, linear_sum_assignment
 from threadpoolctl import threadpool_limits
 
+from ctcbs_ros.solver.rightmost import corrected
 from ctcbs_ros.solver.stability import FUNCTIONS, vibration_matrix
 from ctcbs_ros.solver.steady_state import SteadyState
 
@@ -32,6 +33,10 @@ _DEEPEST = 12
 _MOST_FUNCTIONS = 40
 _SETTLED = 1e-6
 _LOCATED = 1e-12
+# Intervals by which more functions may move a crossing.
+_FARTHEST = 4.0
+# A mode slower than this is looked for among all: Newton's method wants a guess good to a tenth.
+_SLOW = 0.05
 
 
 @dataclass(frozen=True)
@@ -172,47 +177,75 @@ def _brackets(state_at: StateAt, a: _Spectrum, b: _Spectrum, functions, depth):
 
 def _located(state_at: StateAt, left, right, first, last, functions) -> Crossing | None:
     """The crossing in a bracket, with so many functions that more do not move it."""
-    low, high, near = left, right, (first, last)
-    before, settled = None, None
+    width = right - left
+    place, mode, low, high = None, None, left, right
     for n in (functions, *(m for m in FUNCTIONS if functions < m <= _MOST_FUNCTIONS)):
-        root = _root(state_at, low, high, left, right, near, n)
-        if root is None:
+        before = place
+
+        def guess(s, known=(place, mode)):
+            if known[0] is None:
+                return first + (s - left) / width * (last - first)
+            return known[1] + (s - known[0]) / width * (last - first)
+
+        if before is not None:
+            bracket = _around(state_at, before, width, guess, n)
+            if bracket is None:
+                # With more functions there is no crossing here.
+                return None
+            low, high = bracket
+        found = _root(state_at, low, high, guess, n)
+        if found is None:
+            return None
+        place, mode = found
+        if before is not None and abs(place - before) < _SETTLED * width:
             break
-        settled = (*root, n)
-        if before is not None and abs(root[0] - before) < _SETTLED * (right - left):
-            break
-        # More functions move it by little: a narrower bracket, widened where it does not hold.
-        before = root[0]
-        reach = 0.02 * (right - left)
-        low, high = max(left, before - reach), min(right, before + reach)
-    if settled is None:
-        return None
-    place, mode, n = settled
     state = state_at(place)
     if state is None or abs(mode.imag) > state.parameters.band:
         return None
-    return Crossing(place, state, abs(mode.imag), bool(first.real < 0.0), n)
+    return Crossing(float(place), state, float(abs(mode.imag)), bool(first.real < 0.0), n)
 
 
-def _root(state_at: StateAt, low, high, left, right, near, functions):
-    """Place and mode where the real part is zero, between low and high or else left and right."""
-    first, last = near
+def _around(state_at: StateAt, place, width, guess, functions):
+    """Two places about a former crossing between which there is one with these functions."""
+    reach = 0.02 * width
+    while reach < _FARTHEST * width:
+        ends = place - reach, place + reach
+        states = [state_at(end) for end in ends]
+        if None in states:
+            return None
+        modes_there = [
+            _nearest(state, functions, guess(end))
+            for state, end in zip(states, ends, strict=True)
+        ]
+        if modes_there[0].real * modes_there[1].real < 0.0:
+            return ends
+        reach *= 2.0
+    return None
+
+
+def _nearest(state: SteadyState, functions: int, guess: complex) -> complex:
+    """The mode nearest to a guess."""
+    if guess.imag > _SLOW:
+        mode = corrected(vibration_matrix(state, functions), guess)
+        if mode is not None:
+            return mode
+    values = modes(state, functions)
+    return complex(values[np.argmin(np.abs(values - guess))])
+
+
+def _root(state_at: StateAt, low, high, guess, functions):
+    """Place and mode where the real part of the mode that is guessed is zero; or None."""
     seen = {}
 
     def real_part(place):
         state = state_at(place)
         if state is None:
             raise ArithmeticError
-        values = modes(state, functions)
-        share = (place - left) / (right - left)
-        guess = first + share * (last - first)
-        seen[place] = values[np.argmin(np.abs(values - guess))]
+        seen[place] = _nearest(state, functions, guess(place))
         return seen[place].real
 
-    for a, b in ((low, high), (left, right)):
-        try:
-            place = brentq(real_part, a, b, xtol=_LOCATED * max(abs(left), abs(right), 1e-3))
-        except (ArithmeticError, ValueError):
-            continue
-        return place, seen.get(place, seen[min(seen, key=lambda s: abs(s - place))])
-    return None
+    try:
+        place = brentq(real_part, low, high, xtol=_LOCATED * max(abs(low), abs(high), 1e-3))
+    except (ArithmeticError, ValueError):
+        return None
+    return place, seen[min(seen, key=lambda s: abs(s - place))]
