@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ctcbs_ros.geodesy import Datum, to_enu, to_geodetic
+from ctcbs_ros.geodesy import Datum, point_to_geodetic, to_enu, to_geodetic
 
 # WGS 84: semi-major axis and flattening (NIMA TR8350.2, table 3.1).
 SEMI_MAJOR, FLATTENING = 6_378_137.0, 1 / 298.257223563
@@ -40,3 +40,27 @@ def test_amsl_taken_for_ellipsoidal_height_barely_changes_local_coordinates():
     one = to_enu(ellipsoidal, 47.41, 8.51, 800.0 + geoid_height)
     other = to_enu(amsl, 47.41, 8.51, 800.0)
     assert np.linalg.norm(np.subtract(one, other)) < 2e-5 * np.linalg.norm(one)
+
+
+@pytest.mark.parametrize("latitude", [-90.0, -89.99999, -35.4, 0.0, 47.4, 89.999])
+@pytest.mark.parametrize("longitude", [-180.0, 8.5, 179.9999])
+@pytest.mark.parametrize("distance", [0.0, 1.0, 300.0, 2e4, 3e6])
+def test_a_single_point_is_where_the_closed_form_has_it(latitude, longitude, distance):
+    datum = Datum(latitude, longitude, 300.0, True)
+    for angle in np.linspace(0.0, 6.0, 7):
+        point = distance * np.cos(angle), distance * np.sin(angle), -50.0
+        found = point_to_geodetic(datum, *point)
+        assert all(type(value) is float for value in found)
+        assert abs(found[0]) <= 90.0
+        assert abs(found[1]) <= 180.0
+        assert to_enu(datum, *found) == pytest.approx(
+            point, abs=max(2e-6, 1e-9 * distance)
+        )
+        closed = to_geodetic(datum, *point)
+        assert found[0] == pytest.approx(float(closed[0]), abs=1e-9)
+        assert found[2] == pytest.approx(float(closed[2]), abs=1e-4)
+
+
+def test_a_point_that_is_no_number_has_no_place():
+    found = point_to_geodetic(Datum(47.4, 8.5, 0.0, True), np.nan, 0.0, 0.0)
+    assert np.isnan(found).any()

@@ -11,7 +11,7 @@ import numpy as np
 
 from ctcbs_ros.configuration import Configuration, WarningLimits
 from ctcbs_ros.errors import InputError
-from ctcbs_ros.geodesy import Datum, to_geodetic
+from ctcbs_ros.geodesy import Datum, point_to_geodetic, to_geodetic
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.ground_speed import GroundSpeedVariation
 from ctcbs_ros.orbit.orbit import Orbit
@@ -231,8 +231,7 @@ class Predictor:
         datum = self.datum
         if datum is None:
             return Geodetic(nan, nan, nan, False)
-        place = to_geodetic(datum, *position.tolist())
-        return Geodetic(*map(float, place), datum.ellipsoidal)
+        return Geodetic(*point_to_geodetic(datum, *position.tolist()), datum.ellipsoidal)
 
     def _air_density(self, local: LocalSample) -> float:
         altitude = local.altitude_amsl
