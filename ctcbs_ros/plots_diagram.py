@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+import numpy as np
+from scipy.interpolate import CubicSpline
+
 from ctcbs_ros.files import atomic_file
 
 LABELS = {
@@ -42,24 +45,24 @@ def plot_diagram(path: str, name: str, result: dict) -> None:
         labels.add(label)
         return label
 
+    changes = [(e[name], e["end_mass_radius"]) for e in result["stability_changes"]]
     for branch in result["branches"]:
-        points = branch["points"]
+        line, stable = _smooth(*_with_changes(name, branch["points"], changes))
         start = 0
-        for end in range(1, len(points) + 1):
-            if end < len(points) and points[end]["stable"] == points[start]["stable"]:
+        for end in range(1, len(stable) + 1):
+            if end < len(stable) and stable[end] == stable[start]:
                 continue
-            # Joined to the next stretch, so that the curve has no holes.
-            part = points[start : end + 1]
-            stable = points[start]["stable"]
             axes.plot(
-                [p[name] for p in part],
-                [p["end_mass_radius"] for p in part],
-                "-" if stable else "--",
-                color="tab:blue" if stable else "tab:red",
-                label=once("stable" if stable else "unstable"),
+                *line[start : end + 1].T, "-" if stable[start] else "--",
+                color="tab:blue" if stable[start] else "tab:red",
+                label=once("stable" if stable[start] else "unstable"),
             )
             start = end
-    for key, marker, label in (("folds", "o", "fold"), ("hopf", "D", "Hopf point")):
+    divergences = [e for e in result["stability_changes"] if e["kind"] == "divergence"]
+    result = {**result, "divergences": divergences}
+    for key, marker, label in (
+        ("folds", "o", "fold"), ("hopf", "D", "Hopf point"), ("divergences", "s", "divergence"),
+    ):
         for event in result[key]:
             axes.plot(
                 event[name], event["end_mass_radius"], marker, color="black", fillstyle="none",
@@ -79,3 +82,36 @@ def plot_diagram(path: str, name: str, result: dict) -> None:
     with atomic_file(path, "wb") as file:
         figure.savefig(file, format=Path(path).suffix.lstrip(".") or "png", dpi=120)
     plt.close(figure)
+
+
+def _with_changes(name, points, changes):
+    """The branch with its changes of stability put in their places: (n, 2), stable after each."""
+    line, stable = [], []
+    for i, point in enumerate(points):
+        here = np.array([point[name], point["end_mass_radius"]])
+        line.append(here)
+        stable.append(point["stable"])
+        if i + 1 == len(points) or points[i + 1]["stable"] == point["stable"]:
+            continue
+        there = np.array([points[i + 1][name], points[i + 1]["end_mass_radius"]])
+        size = np.abs(there - here) + 1e-9 * np.abs(here)
+        between = [
+            c for c in changes
+            if np.all(np.abs(c - 0.5 * (here + there)) <= 0.75 * size + 0.05 * size.max())
+        ]
+        if between:
+            line.append(np.array(min(between, key=lambda c: np.linalg.norm(c - here))))
+            stable.append(points[i + 1]["stable"])
+    return np.array(line), stable
+
+
+def _smooth(line, stable):
+    """A spline through the points of a branch, and whether each of its parts is stable."""
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(np.log(line), axis=0), axis=1))])
+    kept = np.concatenate([[True], np.diff(way) > 1e-9])
+    way, line, stable = way[kept], line[kept], np.array(stable)[kept]
+    if len(way) < 4:
+        return line, stable
+    index = np.linspace(0.0, len(way) - 1.0, 8 * (len(way) - 1) + 1)
+    spline = np.exp(CubicSpline(way, np.log(line))(np.interp(index, np.arange(len(way)), way)))
+    return spline, stable[index.astype(int)]

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
+from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.errors import InputError
+from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.diagram import VARIED, diagram, first_minimum
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
@@ -201,6 +203,66 @@ def test_branch_command_gives_json_csv_and_a_picture(tmp_path):
     rows = list(csv.DictReader((tmp_path / "b.csv").open()))
     assert len(rows) == len(branch["points"])
     assert (tmp_path / "b.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("vary", "low", "high", "others"),
+    [
+        ("radius", 100.0, 250.0, {"speed": 50.0}),
+        ("speed", 30.0, 60.0, {"radius": 250.0}),
+        ("cable_length", 300.0, 1000.0, {"radius": 250.0, "speed": 50.0}),
+    ],
+)
+def test_branch_in_si_has_the_steady_states_of_each_point_scaled_by_itself(
+    vary, low, high, others
+):
+    flags = [f"--{name}={value}" for name, value in others.items()]
+    done = ctcbs(
+        "--config", "design_example", "--vary", vary, "--from", str(low), "--to", str(high),
+        *flags, "--json",
+    )
+    assert done.returncode == 0, done.stderr
+    (branch,) = json.loads(done.stdout)["branches"]
+    configuration = load_configuration("design_example")
+    name = {"radius": "radius_m", "speed": "speed_m_s", "cable_length": "cable_length_m"}[vary]
+    assert [branch["points"][i][name] for i in (0, -1)] == pytest.approx([low, high])
+    for point in branch["points"][::5]:
+        flown = {"cable_length": None, **others, vary: point[name]}
+        flight = flight_point(
+            configuration, flown["radius"], flown["speed"],
+            configuration.air.density_at(0.0), flown["cable_length"],
+        )
+        (state,) = steady_states(flight.parameters).states
+        assert point["omega"] == pytest.approx(flight.parameters.omega, rel=1e-12)
+        assert point["end_mass_radius"] == pytest.approx(state.end_mass_radius, rel=1e-8)
+        assert point["growth_rate"] == pytest.approx(stability(state).growth_rate, rel=0.02)
+        assert point["status"] == "ok"
+
+
+def test_points_stretched_beyond_reason_say_so_and_the_branch_goes_on():
+    parameters = Parameters(1.0, 3.0, 100.0, 1.0, 1.0, elasticity=40.0)
+    branches = diagram(parameters, OMEGA, 1.0, 0.05, 1.0)
+    statuses = {point.status for branch in branches for point in branch.points}
+    assert statuses == {"ok", "stretched beyond a strain of 3"}
+    for branch in branches:
+        for point in branch.points:
+            tension = np.hypot(1.0, point.omega**2 * point.end_mass_radius) * 100.0
+            if tension > 3.2 * 40.0:
+                assert point.status != "ok"
+
+
+def test_parameters_beyond_table_2_1_are_computed_with_a_note():
+    done = ctcbs(
+        "--vary", "omega", "--from", "1", "--to", "3.5", "--length", "3", "--end-mass", "50",
+        "--cable-drag", "12", "--drag-ratio", "1", "--json",
+    )
+    assert done.returncode == 0
+    result = json.loads(done.stdout)
+    assert result["notes"] == [
+        "omega 1 to 3.5: beyond the thesis's Table 2.1 (0 to 3), computed all the same"
+    ]
+    assert f"ctcbs: note: {result['notes'][0]}\n" == done.stderr
+    assert result["folds"] == []
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 import csv
 import sys
+from collections import Counter
+from math import log
 
 from ctcbs_ros.cli.output import print_json
 from ctcbs_ros.cli.steady import add_flight, add_nondimensional, flight_from, parameters_from
@@ -22,7 +24,9 @@ def add_parser(subparsers) -> None:
         "Give the other non-dimensional parameters, or --config with --radius and --speed.",
     )
     parser.add_argument(
-        "--vary", required=True, choices=(*_NONDIMENSIONAL, *_SI), help="what varies"
+        "--vary", required=True, choices=(*_NONDIMENSIONAL, *_SI),
+        type=lambda name: name.replace("_", "-"),
+        help="what varies; radius [m], speed [m/s] and cable-length [m] with --config",
     )
     parser.add_argument("--from", dest="low", type=float, required=True, metavar="X")
     parser.add_argument("--to", dest="high", type=float, required=True, metavar="X")
@@ -51,24 +55,25 @@ def run(args) -> int:
                         "end_mass_radius": point.end_mass_radius,
                         "growth_rate": point.growth_rate,
                         "stable": point.stable,
+                        "status": point.status,
                     }
                     for point in branch.points
                 ],
             }
             for branch in branches
         ],
-        "folds": [
-            {**_varied(name, e), "end_mass_radius": e.end_mass_radius}
-            for branch in branches
-            for e in branch.folds
-        ],
+        "folds": [_event(name, e) for branch in branches for e in branch.folds],
         "hopf": [
-            {**_varied(name, e), "end_mass_radius": e.end_mass_radius, "frequency": e.frequency}
-            for branch in branches
-            for e in branch.hopf
+            {**_event(name, e), "frequency": e.frequency} for b in branches for e in b.hopf
         ],
-        "first_minimum": minimum
-        and {**_varied(name, minimum), "end_mass_radius": minimum.end_mass_radius},
+        "first_minimum": minimum and _event(name, minimum),
+        "extrema": [
+            {**_event(name, e), "kind": e.kind} for b in branches for e in (*b.minima, *b.maxima)
+        ],
+        "stability_changes": [
+            {**_event(name, e), "kind": e.kind} for b in branches for e in b.stability_changes
+        ],
+        "notes": _notes(parameters, family, value, name, args, branches),
     }
     if args.csv:
         _write_csv(args.csv, name, result["branches"])
@@ -80,7 +85,35 @@ def run(args) -> int:
         print_json(result)
     else:
         _print(name, result)
+    for note in result["notes"]:
+        print(f"ctcbs: note: {note}", file=sys.stderr)
     return 0
+
+
+def _notes(parameters, family, value, name, args, branches) -> list[str]:
+    """What the reader has to know: parameters beyond Table 2.1, points not to be trusted."""
+    from ctcbs_ros.design.chart import TABLE_2_1
+
+    ends = [family.at(parameters, log(x / value)) for x in (args.low, args.high)]
+    notes = []
+    for key, (low, high) in TABLE_2_1.items():
+        first, last = sorted(getattr(end, key) for end in ends)
+        # Rounding of a value given as the bound itself is no excess.
+        if first < low * (1.0 - 1e-9) or last > high * (1.0 + 1e-9):
+            span = f"{first:.5g}" if first == last else f"{first:.5g} to {last:.5g}"
+            notes.append(
+                f"{key} {span}: beyond the thesis's Table 2.1 ({low:g} to {high:g}), computed all "
+                "the same"
+            )
+    doubtful = Counter(p.status for b in branches for p in b.points if p.status != "ok")
+    notes += [f"{count} points: {status}" for status, count in doubtful.items()]
+    if not branches:
+        notes.append("no steady state anywhere in the range")
+    return notes
+
+
+def _event(name: str, event) -> dict[str, float]:
+    return {**_varied(name, event), "end_mass_radius": event.end_mass_radius}
 
 
 def _varied(name: str, point) -> dict[str, float]:
@@ -119,6 +152,7 @@ def _problem(args):
 def _write_csv(path: str, name: str, branches) -> None:
     names = list(dict.fromkeys([name, "omega"]))
     columns = ["branch", "connected_to_zero", *names, "end_mass_radius", "growth_rate", "stable"]
+    columns.append("status")
     with atomic_file(path) as file:
         writer = csv.DictWriter(file, columns)
         writer.writeheader()
@@ -139,6 +173,8 @@ def _print(name: str, result) -> None:
             f"branch {number}: {kind}, {name} {min(values):.5g} to {max(values):.5g}, "
             f"{len(points)} points, {unstable} unstable"
         )
+    if result["branches"] and not result["folds"]:
+        print("no folds on any of them")
     for title, key in (("fold", "folds"), ("Hopf point", "hopf")):
         for event in result[key]:
             extra = f", frequency {event['frequency']:.5g}" if key == "hopf" else ""
@@ -146,6 +182,11 @@ def _print(name: str, result) -> None:
                 f"{title}: {name} {event[name]:.9g}, end-mass radius "
                 f"{event['end_mass_radius']:.6g}{extra}"
             )
+    for event in result["stability_changes"]:
+        print(
+            f"stability changes ({event['kind']}): {name} {event[name]:.9g}, end-mass radius "
+            f"{event['end_mass_radius']:.6g}"
+        )
     minimum = result["first_minimum"]
     if minimum:
         print(
