@@ -10,7 +10,7 @@ from math import hypot, log, nan
 
 from ctcbs_ros.figures.rows import Row
 from ctcbs_ros.solver.branches import Fold
-from ctcbs_ros.solver.diagram import DiagramBranch, Event, diagram, first_minimum
+from ctcbs_ros.solver.diagram import OK, DiagramBranch, Event, diagram, first_minimum
 from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.flown import landing
 from ctcbs_ros.solver.parameters import Parameters
@@ -75,6 +75,8 @@ def _points(parameters, family, value, scale, branch: DiagramBranch, minimum) ->
         if state is None:
             continue
         here = _described(point.value, state, point.growth_rate, point.frequency)
+        if point.status != OK:
+            here["note"] = point.status
         if points:
             points += _between(parameters, family, value, scale, points[-1], here)
         points.append(here)
@@ -83,6 +85,9 @@ def _points(parameters, family, value, scale, branch: DiagramBranch, minimum) ->
         events.append((minimum, FIRST_MINIMUM))
     for event, name in events:
         i = _place(points, event)
+        # Of a state that diverges already, flutter changes nothing.
+        if name == HOPF and points[i - 1]["stability"] == points[i]["stability"] == DIVERGENCE:
+            continue
         points.insert(
             i,
             {
@@ -130,6 +135,8 @@ def _state(parameters, family, value, varied, guess, max_step):
 def _described(varied, state, growth_rate, frequency) -> Row:
     if state.slope < 0.0:
         judged = DIVERGENCE
+    elif growth_rate != growth_rate:
+        judged = ""
     elif growth_rate < 0.0:
         judged = STABLE
     else:
