@@ -33,6 +33,8 @@ _DEEPEST = 12
 _MOST_FUNCTIONS = 40
 _SETTLED = 1e-6
 _LOCATED = 1e-12
+# A mode that decays faster is not about to grow, and its derivative not worth the computing.
+_FAR = 0.5
 # Intervals by which more functions may move a crossing.
 _FARTHEST = 4.0
 # A mode slower than this is looked for among all: Newton's method wants a guess good to a tenth.
@@ -121,12 +123,19 @@ def _spectrum(state_at: StateAt, place, towards, functions) -> _Spectrum | None:
     here, there = state_at(place), state_at(place + step)
     if here is None or there is None:
         return None
-    values, moved = modes(here, functions), modes(there, functions)
-    if not values.size or not moved.size:
+    values = modes(here, functions)
+    if not values.size:
         return None
-    rows, columns = linear_sum_assignment(np.abs(values[:, None] - moved[None, :]))
     slopes = np.zeros(len(values), complex)
-    slopes[rows] = (moved[columns] - values[rows]) / step
+    near = np.flatnonzero(values.real > -_FAR)
+    matrix = vibration_matrix(there, functions)
+    moved = [corrected(matrix, v) if v.imag > _SLOW else None for v in values[near]]
+    if None not in moved:
+        slopes[near] = (np.array(moved) - values[near]) / step
+    else:
+        moved = modes(there, functions)
+        rows, columns = linear_sum_assignment(np.abs(values[:, None] - moved[None, :]))
+        slopes[rows] = (moved[columns] - values[rows]) / step
     return _Spectrum(place, values, slopes, here.parameters.band)
 
 
