@@ -88,7 +88,7 @@ def test_hopf_points_and_minima_of_figure_4_1_are_those_of_bisection(made):
 
 
 def test_fold_paths_of_figure_3_2_meet_the_folds_of_figure_3_1(made):
-    # The bisected folds of d_n 4.8 and 2.7 again; the cusp against brute force in test_loci.py.
+    # The bisected folds of d_n 4.8 and 2.7 again; of the cusp: test_fold_curve.py.
     paths = [row for row in rows_of(made[0], "3.2") if row["kind"] == "fold path"]
     for drag, fold, omega in ((4.8, "F1", 1.09818), (4.8, "F2", 0.93235), (2.7, "F2", 0.94708)):
         part = sorted((r["cable_drag"], r["omega"]) for r in paths if r["curve"] == fold)

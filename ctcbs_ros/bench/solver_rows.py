@@ -11,8 +11,8 @@ from ctcbs_ros.bench.row import Outcome, outcome_of
 from ctcbs_ros.bench.session import Session
 from ctcbs_ros.bench.timing import duel
 from ctcbs_ros.solver.branches import trace
+from ctcbs_ros.solver.cusp import cusp
 from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED
-from ctcbs_ros.solver.loci import cusp
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.sensitivity import sensitivities
 from ctcbs_ros.solver.stability import FUNCTIONS, stability, vibration_matrix

@@ -1,7 +1,8 @@
 """Bifurcation diagrams: every branch in one varying parameter, and the events on it.
 
 All branches of the range are those of `level_set`; folds and extrema on them are zeros of the
-gradient (`events`), Hopf points and other losses of stability zeros of a mode's growth (`modes`).
+gradient (`events`), Hopf points and other losses of stability those of a mode's growth
+(`crossings`).
 """
 
 import itertools
@@ -13,10 +14,10 @@ import numpy as np
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.kernels.search import MAX_STRAIN
 from ctcbs_ros.solver.branches import trace
+from ctcbs_ros.solver.crossings import crossings, slow_modes
 from ctcbs_ros.solver.events import EXTREMA, FOLDS, Line, zeros
 from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.level_set import curves
-from ctcbs_ros.solver.modes import crossings, modes
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import SteadyState, correct_state, describe
@@ -278,7 +279,7 @@ def _losses(problem: _Problem, line: Line, folds, used) -> list[tuple[float, Eve
         state = crossing.state
         u = log(state.end_mass_radius)
         tau = float(line.at(crossing.place)[0])
-        values = modes(state, crossing.functions)
+        values = slow_modes(state, crossing.functions)
         values = values[values.imag <= state.parameters.band]
         mode = np.argmin(np.abs(values - 1j * crossing.frequency))
         leading = bool(np.all(np.delete(values, mode).real < 0.0))

@@ -11,10 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
-from threadpoolctl import threadpool_limits
 
 from ctcbs_ros.kernels import fold_curve as kernel
 from ctcbs_ros.kernels.trajectory import OK
+from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.family import ANGULAR_RATE
 from ctcbs_ros.solver.fold_curve import DRAG_RANGE, OMEGA_RANGE, Surface, checked_box
 from ctcbs_ros.solver.level_set import curves
@@ -108,7 +108,7 @@ def hopf_curves(
     """
     low, high = checked_box(omega_range, drag_range)
     # Matrices this small only lose by a second thread.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         found = _all_curves(Surface(parameters), low, high)
     return tuple(sorted(found, key=lambda curve: -curve.cable_drag.max()))
 

@@ -4,12 +4,11 @@ For a simple eigenvalue with right and left vectors v and w, d lambda = w* dA v 
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from scipy.linalg.lapack import dgeev
-from threadpoolctl import ThreadpoolController
 
+from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.family import Family
 from ctcbs_ros.solver.stability import vibration_matrix
 from ctcbs_ros.solver.steady_state import SteadyState, correct_state
@@ -81,13 +80,8 @@ def modes(state: SteadyState, functions: int, families: tuple[Family, ...]) -> M
     return Modes(values[kept], by_tau, apart.min(axis=1))
 
 
-@lru_cache(maxsize=1)
-def _blas() -> ThreadpoolController:
-    return ThreadpoolController()
-
-
 def _all_modes(a: np.ndarray):
-    with _blas().limit(limits=1, user_api="blas"):
+    with one_blas_thread():
         return dgeev(a, overwrite_a=1)
 
 

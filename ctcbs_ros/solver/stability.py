@@ -5,9 +5,9 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.linalg.lapack import dgeev
-from threadpoolctl import ThreadpoolController
 
 from ctcbs_ros.kernels.galerkin import assemble
+from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.rightmost import corrected, rightmost
 from ctcbs_ros.solver.steady_state import SteadyState, cable_states
 
@@ -65,11 +65,6 @@ def _quadrature(points):
     return 0.5 * (x + 1.0), 0.5 * w
 
 
-@lru_cache(maxsize=1)
-def _blas() -> ThreadpoolController:
-    return ThreadpoolController()
-
-
 def vibration_matrix(state: SteadyState, functions: int) -> np.ndarray:
     """First-order matrix of the vibration in n functions a coordinate, (6 n, 6 n).
 
@@ -78,7 +73,7 @@ def vibration_matrix(state: SteadyState, functions: int) -> np.ndarray:
     state : SteadyState
     functions : int
     """
-    with _blas().limit(limits=1, user_api="blas"):
+    with one_blas_thread():
         return _matrix(state, functions)
 
 
@@ -106,7 +101,7 @@ def eigenvalues(state: SteadyState, functions: int) -> np.ndarray:
     -------
     (6 n,) complex ndarray
     """
-    with _blas().limit(limits=1, user_api="blas"):
+    with one_blas_thread():
         return _all_eigenvalues(_matrix(state, functions))
 
 
@@ -138,8 +133,7 @@ def stability(state: SteadyState, band: float | None = None, functions=FUNCTIONS
     Thesis, Chapter 4 and Appendices A and B, with the errata of docs/thesis.md.
     """
     band = state.parameters.band if band is None else band
-    # Matrices this small only lose by a second BLAS thread, tenfold beside other work.
-    with _blas().limit(limits=1, user_api="blas"):
+    with one_blas_thread():
         before, modes = None, None
         for i, n in enumerate(functions):
             if i == 0 and len(functions) > 1:

@@ -18,8 +18,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg.lapack import dgeev
 from scipy.optimize import brentq, linear_sum_assignment
-from threadpoolctl import threadpool_limits
 
+from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.rightmost import corrected
 from ctcbs_ros.solver.stability import FUNCTIONS, vibration_matrix
 from ctcbs_ros.solver.steady_state import SteadyState
@@ -90,8 +90,7 @@ def crossings(state_at: StateAt, places: Sequence[float], functions: int) -> lis
     list of Crossing
         In the order of the path.
     """
-    # Matrices this small only lose by a second BLAS thread.
-    with threadpool_limits(limits=1, user_api="blas"):
+    with one_blas_thread():
         spectra = [
             _spectrum(state_at, place, nearby - place, functions)
             for place, nearby in zip(places, [*places[1:], places[-2]], strict=True)
@@ -106,7 +105,7 @@ def crossings(state_at: StateAt, places: Sequence[float], functions: int) -> lis
     return sorted((c for c in found if c is not None), key=lambda c: c.place)
 
 
-def modes(state: SteadyState, functions: int) -> np.ndarray:
+def slow_modes(state: SteadyState, functions: int) -> np.ndarray:
     """Eigenvalues with Im >= 0 up to a little beyond the band, one of each pair."""
     real, imag, _, _, info = dgeev(
         vibration_matrix(state, functions), compute_vl=0, compute_vr=0, overwrite_a=1
@@ -123,7 +122,7 @@ def _spectrum(state_at: StateAt, place, towards, functions) -> _Spectrum | None:
     here, there = state_at(place), state_at(place + step)
     if here is None or there is None:
         return None
-    values = modes(here, functions)
+    values = slow_modes(here, functions)
     if not values.size:
         return None
     slopes = np.zeros(len(values), complex)
@@ -133,7 +132,7 @@ def _spectrum(state_at: StateAt, place, towards, functions) -> _Spectrum | None:
     if None not in moved:
         slopes[near] = (np.array(moved) - values[near]) / step
     else:
-        moved = modes(there, functions)
+        moved = slow_modes(there, functions)
         rows, columns = linear_sum_assignment(np.abs(values[:, None] - moved[None, :]))
         slopes[rows] = (moved[columns] - values[rows]) / step
     return _Spectrum(place, values, slopes, here.parameters.band)
@@ -238,7 +237,7 @@ def _nearest(state: SteadyState, functions: int, guess: complex) -> complex:
         mode = corrected(vibration_matrix(state, functions), guess)
         if mode is not None:
             return mode
-    values = modes(state, functions)
+    values = slow_modes(state, functions)
     return complex(values[np.argmin(np.abs(values - guess))])
 
 
