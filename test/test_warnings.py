@@ -100,7 +100,7 @@ def test_bad_fix_is_said_of_what_a_sample_says_and_not_of_when_it_came():
     assert bad == [100, 110, 120]
     assert predictions[130].skip is SkipCode.DUPLICATE
     assert {skip for skip in SkipCode if not skip_warnings(skip)} == {
-        SkipCode.DUPLICATE, SkipCode.OUT_OF_ORDER,
+        SkipCode.DUPLICATE, SkipCode.OUT_OF_ORDER, SkipCode.AHEAD,
     }  # fmt: skip
 
 
