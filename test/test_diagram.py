@@ -282,3 +282,49 @@ def test_branch_command_refuses_bad_input_in_one_line(arguments, said):
     assert done.returncode == 2
     assert said in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("parameters", "high", "events"),
+    [
+        # The first minimum is at omega 2.132, the fold at 1.09818, both by an integrator of
+        # another kind (variable-order Adams); the step of the trace goes beyond them.
+        (replace(FIG_41, cable_drag=3.0), 2.12, "minima"),
+        (FIG_31, 1.098, "folds"),
+    ],
+)
+def test_events_just_beyond_the_range_are_not_listed_at_its_end(parameters, high, events):
+    def listed(end):
+        branches = diagram(parameters, OMEGA, 1.0, 0.05, end, with_stability=False)
+        return [e.value for branch in branches for e in getattr(branch, events)]
+
+    assert not any(value > 0.99 * high for value in listed(high))
+    assert sum(high < value < 1.01 * high for value in listed(1.02 * high)) == 1
+
+
+def test_closed_branch_is_listed_once():
+    # Three states from end mass 3.83 to 87.2 by a scan of the boundary condition.
+    parameters = Parameters(0.730741, 5.914303, 3.5, 0.1106494, 0.5568789, elasticity=394.4854)
+    branches = diagram(
+        parameters, VARIED["end_mass"], 3.5, 3.5, 100.0, with_stability=False
+    )
+    for mass in (4.0, 10.0, 40.0, 80.0):
+        crossings = sum(
+            (a.value - mass) * (b.value - mass) < 0.0
+            for branch in branches
+            for a, b in pairwise(branch.points)
+        )
+        states = steady_states(replace(parameters, end_mass=mass, end_weight=mass)).states
+        assert crossings == len(states) == 3
+    assert sorted(len(branch.folds) for branch in branches) == [0, 2]
+
+
+@pytest.mark.parametrize(("high", "branches"), [(3.0, 2), (60.0, 1)])
+def test_branch_that_folds_beyond_omega_6_is_connected_all_the_same(high, branches):
+    # The fold is at omega 8.73: between it and that at 0.938 there are three states.
+    parameters = replace(FIG_31, cable_drag=4.1888)
+    assert [count(parameters, omega) for omega in (0.9, 6.0, 8.7, 8.8)] == [1, 3, 3, 1]
+    found = diagram(parameters, OMEGA, 1.0, 0.05, high, with_stability=False)
+    assert [branch.connected_to_zero for branch in found] == [True] * branches
+    if high > 8.8:
+        assert first_minimum(found) is not None

@@ -24,6 +24,8 @@ from ctcbs_ros.solver.steady_state import SteadyState, correct_state, describe
 
 OK = "ok"
 _SMALLEST_OMEGA = 0.02
+# A branch is followed up to here on its way to the smallest omega.
+_LARGEST_OMEGA = 60.0
 # A real mode that crosses zero this near to a fold (in ln radius) is that fold.
 _AT_FOLD = 1e-3
 _REAL = 1e-6
@@ -212,7 +214,7 @@ def _branch(problem: _Problem, rows: np.ndarray, with_stability: bool) -> Diagra
         )
     return DiagramBranch(
         tuple(points), tuple(e for _, e in folds), tuple(hopf), tuple(minima), tuple(maxima),
-        _connected(problem, rows[len(rows) // 2]), tuple(divergences),
+        _connected(problem, rows), tuple(divergences),
         tuple(e for _, e in changes),
     )
 
@@ -324,19 +326,22 @@ def _unexplained(problem: _Problem, line: Line, points, events) -> list[tuple[fl
     return found
 
 
-def _connected(problem: _Problem, row) -> bool:
-    """Whether a state, followed in omega through all folds, leads to omega -> 0."""
-    state = correct_state(problem.at(row[0]), exp(row[1]), max_step=0.05)
+def _connected(problem: _Problem, rows: np.ndarray) -> bool:
+    """Whether a branch, followed in omega through all folds, leads to omega -> 0."""
+    omegas = [problem.at(tau).omega for tau in rows[:, 0]]
+    # From its slowest state the way is the shortest.
+    tau, u = rows[np.argmin(omegas), :2]
+    state = correct_state(problem.at(tau), exp(u), max_step=0.05)
     if state is None:
         return False
-    down = log(_SMALLEST_OMEGA / state.parameters.omega)
+    omega = state.parameters.omega
+    down = log(_SMALLEST_OMEGA / omega)
     if down >= 0.0:
         return True
+    # The branch itself may go further still.
+    up = log(max(_LARGEST_OMEGA, 1.1 * max(omegas)) / omega)
     for direction in (-1, 1):
-        path = trace(
-            state.parameters, state.end_mass_radius, ANGULAR_RATE, direction,
-            (down, max(log(6.0 / state.parameters.omega), 0.1)),
-        )
+        path = trace(state.parameters, state.end_mass_radius, ANGULAR_RATE, direction, (down, up))
         if path.tau.size and path.tau[-1] < down:
             return True
     return False

@@ -15,7 +15,8 @@ import numpy as np
 
 from ctcbs_ros.kernels import continuation
 from ctcbs_ros.kernels.extrema import local_extrema
-from ctcbs_ros.kernels.search import all_roots
+from ctcbs_ros.kernels.search import MAX_STEPS, all_roots
+from ctcbs_ros.kernels.trajectory import OK
 from ctcbs_ros.solver.family import Family
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import SCAN_TOLERANCE, correct_state
@@ -64,7 +65,7 @@ def curves(
             if any(passes(line, tau, u) for line in lines):
                 continue
             points = whole(parameters, family, tau, u, tau_low, tau_high, tolerance)
-            if len(points) > 1:
+            if len(points) > 1 and not any(_same(line, points) for line in lines):
                 found.append(points)
                 lines.append(dense(points))
 
@@ -143,7 +144,7 @@ def whole(
         part = points[:count].copy()
         part[:, 0] += tau
         if status == continuation.LEFT_RANGE:
-            part = _cut(parameters, family, part, tau_low, tau_high)
+            part = _cut(parameters, family, part, tau_low, tau_high, tolerance)
         if status == continuation.CLOSED:
             return np.vstack([part, part[:1]])
         halves.append(part)
@@ -153,19 +154,26 @@ def whole(
     return points[np.concatenate([[True], moved])]
 
 
-def _cut(parameters, family, points, tau_low, tau_high) -> np.ndarray:
+def _cut(parameters, family, points, tau_low, tau_high, tolerance) -> np.ndarray:
     """Move the last point of a trace, which lies outside the strip, onto its edge."""
     if len(points) < 2:
         return points[:0]
     edge = tau_low if points[-1, 0] < tau_low else tau_high
     share = (edge - points[-2, 0]) / (points[-1, 0] - points[-2, 0])
     guess = points[-2, 1] + share * (points[-1, 1] - points[-2, 1])
-    state = correct_state(family.at(parameters, edge), exp(guess))
+    there = family.at(parameters, edge)
+    state = correct_state(there, exp(guess))
     if state is None:
         return points[:-1]
-    last = points[-1].copy()
-    last[:2] = edge, log(state.end_mass_radius)
-    return np.vstack([points[:-1], last])
+    u = log(state.end_mass_radius)
+    # Between the edge and the point outside, an event may lie that is not in the strip.
+    _, h_u, h_tau, status = continuation.level(
+        there.theta(), family.exponents(), there.length, family.length, 0.0, u, tolerance,
+        np.empty((1, 3, 6)), np.empty(MAX_STEPS + 1),
+    )
+    if status != OK:
+        return points[:-1]
+    return np.vstack([points[:-1], (edge, u, h_u, h_tau)])
 
 
 def dense(points: np.ndarray) -> np.ndarray:
@@ -194,3 +202,13 @@ def passes(line: np.ndarray, tau: float, u: float) -> bool:
     away = np.linalg.norm(gap - share[:, None] * along, axis=1)
     # Steps of a trace turn by less than 12 degrees, the parts of one by 1.5.
     return bool(np.any(away < 0.02 * np.sqrt(square) + 1e-6))
+
+
+def _same(line: np.ndarray, points: np.ndarray) -> bool:
+    """Whether a curve just traced is one known already.
+
+    Where a curve bends sharply the cubics of `dense` can miss a state on it, which is then traced
+    anew; but they do not miss half of its points.
+    """
+    met = sum(passes(line, *point) for point in points[:, :2])
+    return 2 * met > len(points)
