@@ -10,12 +10,16 @@ from ctcbs_ros.telemetry.dataflash import DataflashDecoder
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.mavlink import MavlinkDecoder
 from ctcbs_ros.telemetry.sample import Sample, Vector
+from ctcbs_ros.telemetry.ulog import START as ULOG_START
+from ctcbs_ros.telemetry.ulog import UlogDecoder
 
 CHUNK = 1 << 14
 # Bytes in which a log must show its format, and tell its vehicle if it can.
 HEAD = 1 << 20
 # Random bytes hold a frame with a right checksum now and then; of a log, this part is messages.
 LEAST_GOOD_PART = 1e-3
+
+Decoder = MavlinkDecoder | DataflashDecoder | UlogDecoder
 
 
 class LogSource:
@@ -34,7 +38,7 @@ class LogSource:
         Bytes.
     """
 
-    def __init__(self, path: Path, new_decoder: Callable[[], MavlinkDecoder | DataflashDecoder]):
+    def __init__(self, path: Path, new_decoder: Callable[[], Decoder]):
         self.path = path
         self.size = path.stat().st_size
         self._new_decoder = new_decoder
@@ -79,10 +83,11 @@ def open_log(
     Parameters
     ----------
     path : str or Path
-        A MAVLink log with receive stamps (.tlog) or without, or an ArduPilot DataFlash log (.BIN).
+        A MAVLink log with receive stamps (.tlog) or without, an ArduPilot DataFlash log (.BIN), or
+        a PX4 log (.ulg).
     system, component : int, optional
         MAVLink ids of the vehicle wanted; without them the first aircraft, see
-        `ctcbs_ros.telemetry.mavlink.VehicleDecoder`. A DataFlash log has one vehicle only.
+        `ctcbs_ros.telemetry.mavlink.VehicleDecoder`. The other logs have one vehicle only.
 
     Returns
     -------
@@ -105,6 +110,9 @@ def open_log(
     if head.startswith(DATAFLASH_START):
         trial = _tried(DataflashDecoder(), head)
         decoder = partial(DataflashDecoder, vehicle=trial.vehicle, unix_anchor=trial.unix_anchor)
+    elif head.startswith(ULOG_START):
+        trial = _tried(UlogDecoder(), head)
+        decoder = partial(UlogDecoder, trial.vehicle, trial.unix_anchor, trial.position_topic)
     else:
         trials = {
             stamped: _tried(MavlinkDecoder(stamped, system, component), head)
@@ -118,8 +126,8 @@ def open_log(
     good = len(head) - trial.link.bad_bytes
     if trial.link.messages == 0 or good < LEAST_GOOD_PART * len(head):
         raise InputError(
-            f"log {path}: no MAVLink or DataFlash message found; allowed: a .tlog, a MAVLink "
-            "stream without time stamps, or an ArduPilot .BIN"
+            f"log {path}: no message of a known format found; allowed: a .tlog, a MAVLink "
+            "stream without time stamps, an ArduPilot .BIN, or a PX4 .ulg"
         )
     return LogSource(path, decoder)
 
