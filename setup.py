@@ -43,6 +43,8 @@ setup(
         "numba>=0.59",
         "pymavlink>=2.4.41",
         "pymap3d>=3.1",
+        "pyulog>=1.2",
+        "rosbags>=0.11",
         "threadpoolctl>=3.1",
         "PyYAML>=6.0",
         "tqdm>=4.64",

@@ -23,8 +23,8 @@ from std_msgs.msg import Float64, String
 from visualization_msgs.msg import MarkerArray
 
 from ctcbs_ros.geodesy import Datum, to_geodetic
-from ctcbs_ros.nodes.topics import nanoseconds
 from ctcbs_ros.replay.through_node import quoted
+from ctcbs_ros.telemetry.topics import nanoseconds
 
 EXAMPLES = Path(__file__).parents[1] / "msg_examples"
 LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)

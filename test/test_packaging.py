@@ -24,7 +24,10 @@ DRONE = REPOSITORY / "config" / "small_drone.yaml"
 EDGES = (
     "nodes/", "telemetry/mavlink.py", "telemetry/dataflash.py", "simulate.py",
     "replay/through_node.py", "bench/peer_mavlink.py", "bench/peer_node.py",
+    "telemetry/ulog.py", "telemetry/rosbag.py",
 )
+# ... with the libraries that read their logs ...
+LOG_READERS = ("pyulog", "rosbags")
 # ... and only these join them to the core.
 JOINTS = ("cli/", "replay/", "telemetry/source.py", "__main__.py")
 
@@ -41,7 +44,7 @@ def modules(leave_out):
 def is_foreign(name):
     """Whether a module's name is one of ROS or MAVLink."""
     root = name.split(".")[0]
-    return root in ("rclpy", "pymavlink") or root.endswith(("_msgs", "_interfaces"))
+    return root in ("rclpy", "pymavlink", *LOG_READERS) or root.endswith(("_msgs", "_interfaces"))
 
 
 def imported_names(path):
@@ -78,7 +81,8 @@ import importlib, sys
 class Missing:
     def find_spec(self, name, path=None, target=None):
         root = name.split(".")[0]
-        if root in ("rclpy", "pymavlink") or root.endswith(("_msgs", "_interfaces")):
+        missing = ("rclpy", "pymavlink", *{LOG_READERS!r})
+        if root in missing or root.endswith(("_msgs", "_interfaces")):
             raise ModuleNotFoundError(name)
 sys.meta_path.insert(0, Missing())
 for name in {names!r}:
@@ -123,7 +127,7 @@ def test_package_xml_declares_each_ros_package_that_is_imported():
     }
     used |= {name.split(".")[0] for name in imported_names(*REPOSITORY.glob("launch/*.py"))}
     ros = {name for name in used if is_foreign(name) or name.startswith("launch")}
-    assert ros - {"pymavlink"} <= declared
+    assert ros - {"pymavlink", *LOG_READERS} <= declared
 
 
 def test_setup_py_requires_each_python_package_that_is_imported():
@@ -132,7 +136,7 @@ def test_setup_py_requires_each_python_package_that_is_imported():
     third_party = {
         {"yaml": "pyyaml", "serial": "pyserial"}.get(root, root)
         for root in roots - sys.stdlib_module_names - {"ctcbs_ros"}
-        if root == "pymavlink" or not is_foreign(root)
+        if root in ("pymavlink", *LOG_READERS) or not is_foreign(root)
     }
     assert {"numpy", "pyyaml"} <= third_party <= set(required)
 

@@ -23,7 +23,7 @@ def add_parser(subparsers) -> None:
         "Times are in seconds of the vehicle's clock from the first believed sample.",
     )
     add = parser.add_argument
-    add("log", metavar="LOG", help="flight log: .tlog, MAVLink without time stamps, .BIN")
+    add("log", metavar="LOG", help="flight log: .tlog, raw MAVLink, .BIN, .ulg, or a ROS 2 bag")
     add("--config", required=True, metavar="CONFIG", help="configuration file")
     add("--table", metavar="FILE", help="continuation table; default: one in the user's cache")
     add(

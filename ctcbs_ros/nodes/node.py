@@ -1,6 +1,7 @@
 """The node: parameters in, samples from a log, a link or topics, predictions out."""
 
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,6 @@ from ctcbs_ros.nodes.diagnostics import Monitor
 from ctcbs_ros.nodes.log_pump import LogPump
 from ctcbs_ros.nodes.outputs import Outputs
 from ctcbs_ros.nodes.parameters import declare_parameters
-from ctcbs_ros.nodes.topics import TopicSamples
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import Record, altitude_reference
@@ -32,6 +32,7 @@ from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.mavlink import open_link
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.source import LogSource, open_log
+from ctcbs_ros.telemetry.topics import TopicSamples
 
 POLL_PERIOD = 0.02  # s between two looks at a live link
 LINKS = ("udpin:", "udpout:", "tcp:", "/dev/")
@@ -115,12 +116,15 @@ class PredictorNode(Node):
         else:
             samples = TopicSamples()
             self.create_subscription(
-                NavSatFix, "fix", lambda m: self._take(samples.fix(m)), qos_profile_sensor_data
+                NavSatFix,
+                "fix",
+                lambda m: self._take(samples.fix(m, time.time_ns() // 1000)),
+                qos_profile_sensor_data,
             )
             self.create_subscription(
                 Odometry,
                 "odom",
-                lambda m: self._take(samples.odometry(m)),
+                lambda m: self._take(samples.odometry(m, time.time_ns() // 1000)),
                 qos_profile_sensor_data,
             )
 

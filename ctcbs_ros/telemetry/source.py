@@ -9,6 +9,7 @@ from ctcbs_ros.telemetry.dataflash import START as DATAFLASH_START
 from ctcbs_ros.telemetry.dataflash import DataflashDecoder
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.mavlink import MavlinkDecoder
+from ctcbs_ros.telemetry.rosbag import BagSource, is_bag, open_bag
 from ctcbs_ros.telemetry.sample import Sample, Vector
 from ctcbs_ros.telemetry.ulog import START as ULOG_START
 from ctcbs_ros.telemetry.ulog import UlogDecoder
@@ -77,21 +78,21 @@ class LogSource:
 
 def open_log(
     path: str | Path, system: int | None = None, component: int | None = None
-) -> LogSource:
+) -> LogSource | BagSource:
     """Open a flight log.
 
     Parameters
     ----------
     path : str or Path
-        A MAVLink log with receive stamps (.tlog) or without, an ArduPilot DataFlash log (.BIN), or
-        a PX4 log (.ulg).
+        A MAVLink log with receive stamps (.tlog) or without, an ArduPilot DataFlash log (.BIN), a
+        PX4 log (.ulg), a rosbag2 folder, or a file of one (.db3, .mcap).
     system, component : int, optional
         MAVLink ids of the vehicle wanted; without them the first aircraft, see
         `ctcbs_ros.telemetry.mavlink.VehicleDecoder`. The other logs have one vehicle only.
 
     Returns
     -------
-    LogSource
+    LogSource or BagSource
 
     Raises
     ------
@@ -99,6 +100,8 @@ def open_log(
         If the file cannot be read, or has no message of these formats in its first MiB.
     """
     path = Path(path)
+    if is_bag(path):
+        return open_bag(path)
     try:
         with open(path, "rb") as log:
             head = log.read(HEAD)
@@ -127,7 +130,7 @@ def open_log(
     if trial.link.messages == 0 or good < LEAST_GOOD_PART * len(head):
         raise InputError(
             f"log {path}: no message of a known format found; allowed: a .tlog, a MAVLink "
-            "stream without time stamps, an ArduPilot .BIN, or a PX4 .ulg"
+            "stream without time stamps, an ArduPilot .BIN, a PX4 .ulg, or a rosbag2 (.db3, .mcap)"
         )
     return LogSource(path, decoder)
 
