@@ -271,6 +271,29 @@ def test_a_heavy_mass_on_a_slow_orbit_is_a_pendulum():
         assert np.abs(slow - expected).min() < 2e-3 * expected
 
 
+# Little tension and much drag: 8 and 12 functions agree on a mode that neither resolves. Growth
+# rates by shooting the linearised cable with complex lambda (Evans function), in 4 digits.
+@pytest.mark.parametrize(
+    ("point", "growth_rate"),
+    [
+        ((1.94083, 5.30402, 8.0499, 211.425, 1.34783, 3262.72), -0.04682),
+        ((1.2255, 5.6074, 5.045, 542.94, 0.6102, 600.0), -0.06759),
+        ((2.738425, 5.683708, 7.575698, 49.42303, 0.234875, np.inf), -0.11697),
+    ],
+)
+def test_chance_agreement_of_unresolved_modes_is_not_taken_for_convergence(point, growth_rate):
+    omega, length, end_mass, cable_drag, drag_ratio, elasticity = point
+    p = Parameters(omega, length, end_mass, cable_drag, drag_ratio, elasticity=elasticity)
+    (state,) = steady_states(p).states
+    found = stability(state)
+    assert found.converged
+    assert found.growth_rate == pytest.approx(growth_rate, rel=0.01)
+    # All modes, with twice as many functions as it took at most.
+    values = eigenvalues(state, 90)
+    worst = values[np.abs(values.imag) <= p.band].real.max()
+    assert found.growth_rate == pytest.approx(worst, rel=0.01)
+
+
 def test_a_hanging_line_has_the_frequencies_of_bessel_functions():
     # (T u')' = omega^2 u'' with T = m + s, mass m at s = 0, fixed at s = l; lambda in space
     omega, length, mass = 0.02, 3.0, 2.0
