@@ -16,7 +16,7 @@ from ctcbs_ros.errors import InputError
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.diagram import VARIED, diagram, first_minimum
 from ctcbs_ros.solver.parameters import Parameters
-from ctcbs_ros.solver.stability import stability
+from ctcbs_ros.solver.stability import eigenvalues, stability
 from ctcbs_ros.solver.steady_state import steady_states
 
 # Fig. 3.1 and Fig. 4.1 of the thesis.
@@ -328,3 +328,41 @@ def test_branch_that_folds_beyond_omega_6_is_connected_all_the_same(high, branch
     assert [branch.connected_to_zero for branch in found] == [True] * branches
     if high > 8.8:
         assert first_minimum(found) is not None
+
+
+def test_growth_that_too_few_functions_do_not_see_has_its_hopf_point():
+    # With 12 functions this mode decays up to omega 3. The values are zeros of an Evans
+    # determinant, with an integrator of another kind.
+    parameters = Parameters(1.0, 4.808, 4.1534, 0.38445, 0.26239)
+    (branch,) = diagram(parameters, OMEGA, 1.0, 1.0, 3.0)
+    np.testing.assert_allclose([e.value for e in branch.hopf], [1.8224, 1.9040, 2.6626], atol=2e-4)
+    assert [e.kind for e in branch.stability_changes] == ["hopf"] * 3
+
+
+def test_hopf_point_beside_a_fold_is_found():
+    # Both values by an Evans determinant and another integrator.
+    parameters = Parameters(2.25092, 1.5, 13.37735, 1.504494, 0.502005)
+    branches = diagram(parameters, VARIED["length"], 1.5, 1.5, 1.8)
+    (branch,) = [branch for branch in branches if branch.folds]
+    assert [e.value for e in branch.folds] == pytest.approx([1.58061], abs=1e-5)
+    assert [e.value for e in branch.hopf] == pytest.approx([1.58069], abs=1e-5)
+
+
+def test_growing_mode_that_comes_into_the_band_is_no_hopf_point():
+    parameters = Parameters(1.0, 1.84347, 4.32625, 0.0998634, 0.143938)
+    branch = diagram(parameters, OMEGA, 1.0, 1.5, 2.1)[0]
+    (change,) = branch.stability_changes
+    assert change.kind == "band"
+    assert not branch.hopf
+
+    def fastest(omega):
+        (state,) = [
+            s for s in steady_states(replace(parameters, omega=omega)).states
+            if s.end_mass_radius > 1.0
+        ]
+        modes = eigenvalues(state, 18)
+        return modes[np.argmin(np.abs(modes - 5.0j))]
+
+    edge = brentq(lambda omega: fastest(omega).imag - 5.0, 1.7, 1.9)
+    assert change.value == pytest.approx(edge, abs=1e-5)
+    assert fastest(edge).real > 0.002

@@ -71,9 +71,12 @@ class _Spectrum:
     values: np.ndarray
     slopes: np.ndarray
     band: float
+    functions: int
 
 
-def crossings(state_at: StateAt, places: Sequence[float], functions: int) -> list[Crossing]:
+def crossings(
+    state_at: StateAt, places: Sequence[float], functions: Sequence[int]
+) -> list[Crossing]:
     """Every place of a path where a mode in the band begins or ceases to grow.
 
     Parameters
@@ -82,8 +85,9 @@ def crossings(state_at: StateAt, places: Sequence[float], functions: int) -> lis
         The steady state at a place, or None where there is none; smooth in between.
     places : sequence of float
         Rising; the path is looked at here, and in between where it has to be.
-    functions : int
-        Functions a coordinate on the look-out; a crossing is located with as many as it needs.
+    functions : sequence of int
+        Functions a coordinate on the look-out at each place; a crossing is located with as many
+        as it needs.
 
     Returns
     -------
@@ -92,16 +96,18 @@ def crossings(state_at: StateAt, places: Sequence[float], functions: int) -> lis
     """
     with one_blas_thread():
         spectra = [
-            _spectrum(state_at, place, nearby - place, functions)
-            for place, nearby in zip(places, [*places[1:], places[-2]], strict=True)
+            _spectrum(state_at, place, nearby - place, n)
+            for place, nearby, n in zip(
+                places, [*places[1:], places[-2]], functions, strict=True
+            )
         ]
         brackets = [
             bracket
             for a, b in pairwise(spectra)
             if a is not None and b is not None
-            for bracket in _brackets(state_at, a, b, functions, 0)
+            for bracket in _brackets(state_at, a, b, 0)
         ]
-        found = [_located(state_at, *bracket, functions) for bracket in brackets]
+        found = [_located(state_at, *bracket) for bracket in brackets]
     return sorted((c for c in found if c is not None), key=lambda c: c.place)
 
 
@@ -135,12 +141,12 @@ def _spectrum(state_at: StateAt, place, towards, functions) -> _Spectrum | None:
         moved = slow_modes(there, functions)
         rows, columns = linear_sum_assignment(np.abs(values[:, None] - moved[None, :]))
         slopes[rows] = (moved[columns] - values[rows]) / step
-    return _Spectrum(place, values, slopes, here.parameters.band)
+    return _Spectrum(place, values, slopes, here.parameters.band, functions)
 
 
-def _brackets(state_at: StateAt, a: _Spectrum, b: _Spectrum, functions, depth):
-    """(left, right, mode at left, at right) of every crossing in an interval."""
-    width = b.place - a.place
+def _brackets(state_at: StateAt, a: _Spectrum, b: _Spectrum, depth):
+    """(left, right, mode at left, at right, functions) of every crossing in an interval."""
+    width, functions = b.place - a.place, max(a.functions, b.functions)
     found, doubtful = [], False
     ahead, back = a.values + 0.5 * width * a.slopes, b.values - 0.5 * width * b.slopes
     rows, columns = linear_sum_assignment(np.abs(ahead[:, None] - back[None, :]))
@@ -160,11 +166,11 @@ def _brackets(state_at: StateAt, a: _Spectrum, b: _Spectrum, functions, depth):
         if cubic.max() + error < 0.0 or cubic.min() - error > 0.0:
             continue
         if start * end < 0.0 and error < 0.2 * (abs(start) + abs(end)) and error < 0.1:
-            found.append((a.place, b.place, a.values[i], b.values[j]))
+            found.append((a.place, b.place, a.values[i], b.values[j], functions))
         else:
             doubtful = True
             if depth == _DEEPEST and start * end < 0.0:
-                found.append((a.place, b.place, a.values[i], b.values[j]))
+                found.append((a.place, b.place, a.values[i], b.values[j], functions))
     for spectrum, matched in ((a, rows), (b, columns)):
         # A mode without a partner: two real ones have met, or one has passed the edge.
         for k in set(range(len(spectrum.values))) - set(matched.tolist()):
@@ -178,8 +184,8 @@ def _brackets(state_at: StateAt, a: _Spectrum, b: _Spectrum, functions, depth):
     if between is None:
         return found
     return [
-        *_brackets(state_at, a, between, functions, depth + 1),
-        *_brackets(state_at, between, b, functions, depth + 1),
+        *_brackets(state_at, a, between, depth + 1),
+        *_brackets(state_at, between, b, depth + 1),
     ]
 
 

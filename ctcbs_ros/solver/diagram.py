@@ -7,7 +7,7 @@ gradient (`events`), Hopf points and other losses of stability those of a mode's
 
 import itertools
 from dataclasses import dataclass
-from math import exp, inf, isfinite, log, nan
+from math import exp, isfinite, log, nan
 
 import numpy as np
 
@@ -30,7 +30,7 @@ _LARGEST_OMEGA = 60.0
 _AT_FOLD = 1e-3
 _REAL = 1e-6
 # Most functions a coordinate that modes are followed with.
-_LOOKOUT = 18
+_LOOKOUT = 40
 # A growth rate this near to zero can be of either sign with another number of functions.
 _MARGINAL = 1e-4
 
@@ -202,16 +202,15 @@ def _branch(problem: _Problem, rows: np.ndarray, with_stability: bool) -> Diagra
         (minima if least else maxima).append(problem.event(tau, u, kind))
     hopf, divergences, changes = [], [], []
     if with_stability:
-        used = [functions for _, functions in described if functions]
+        used = [functions for _, functions in described]
         events = _losses(problem, line, folds, used)
+        events = sorted(
+            [*events, *_unexplained(problem, line, points, events)], key=lambda found: found[0]
+        )
         hopf = [event for _, event in events if event.kind == "hopf"]
         divergences = [event for _, event in events if event.kind == "divergence"]
         folds = [(s, e) for s, e in events if e.kind == "fold"]
-        changes = sorted(
-            [(s, e) for s, e in events if e.changes_stability]
-            + _unexplained(problem, line, points, events),
-            key=lambda found: found[0],
-        )
+        changes = [(s, e) for s, e in events if e.changes_stability]
     return DiagramBranch(
         tuple(points), tuple(e for _, e in folds), tuple(hopf), tuple(minima), tuple(maxima),
         _connected(problem, rows), tuple(divergences),
@@ -267,10 +266,11 @@ def _trust(state: SteadyState) -> str:
 
 def _losses(problem: _Problem, line: Line, folds, used) -> list[tuple[float, Event]]:
     """Folds, Hopf points and divergences with their places, in the order of the branch."""
-    if len(line.rows) < 2 or not used:
+    if len(line.rows) < 2 or not any(used):
         return folds
-    # A crossing is then located with as many as it needs.
-    functions = min(int(np.median(used)), _LOOKOUT)
+    # As many as the growth rates took: with fewer, one about to be zero can have another sign.
+    usual = int(np.median([n for n in used if n]))
+    functions = [min(n or usual, _LOOKOUT) for n in used]
 
     def state_at(place):
         found = line.at(place)
@@ -305,24 +305,38 @@ def _losses(problem: _Problem, line: Line, folds, used) -> list[tuple[float, Eve
 
 
 def _unexplained(problem: _Problem, line: Line, points, events) -> list[tuple[float, Event]]:
-    """Changes of stability without a crossing: a growing mode passes the edge of the band."""
+    """Changes of stability without a crossing that was followed: mostly at the edge of the band.
+
+    There a growing mode enters or leaves it and the growth rate jumps. Where it goes through zero
+    a mode has crossed that was not followed all the way.
+    """
     found = []
     for i, (a, b) in enumerate(itertools.pairwise(points)):
         rates = abs(a.growth_rate), abs(b.growth_rate)
-        if a.stable == b.stable or not min(rates) > _MARGINAL or not max(rates) < inf:
+        if a.stable == b.stable or not min(rates) > _MARGINAL or not np.all(np.isfinite(rates)):
             continue
-        if any(i - 0.1 <= place <= i + 1.1 for place, event in events):
+        if any(
+            i - 0.1 <= place <= i + 1.1 and (event.changes_stability or event.kind != "fold")
+            for place, event in events
+        ):
             continue
-        low, high, place = float(i), i + 1.0, None
+        low, high, sides = float(i), i + 1.0, [a, b]
         while high - low > 1e-10:
             middle = 0.5 * (low + high)
             place = line.at(middle)
             state = None if place is None else describe(problem.at(place[0]), float(place[1]))
             if state is None:
                 break
-            low, high = (middle, high) if stability(state).stable == a.stable else (low, middle)
-        if place is not None:
-            found.append((low, problem.event(place[0], place[1], "band", 0.0, True)))
+            damping = stability(state)
+            if damping.stable == a.stable:
+                low, sides[0] = middle, damping
+            else:
+                high, sides[1] = middle, damping
+        else:
+            at_zero = max(abs(side.growth_rate) for side in sides) < _MARGINAL
+            frequency = sides[0].frequency if at_zero else 0.0
+            kind = "band" if not at_zero else "hopf" if frequency > _REAL else "divergence"
+            found.append((low, problem.event(place[0], place[1], kind, frequency, True)))
     return found
 
 
