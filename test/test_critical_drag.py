@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 from ctcbs_ros.solver.critical_drag import (
     critical_drag,
+    first_minimum_state,
     least_drag_stable_everywhere,
     least_stable_drag,
 )
@@ -125,6 +126,84 @@ def test_state_at_the_first_minimum_loses_stability_at_the_stable_drag():
 
     assert growth_at_minimum(drag_for_stable * 1.01) < 0.0
     assert growth_at_minimum(drag_for_stable * 0.99) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("length", "end_mass", "drag_ratio", "drag"),
+    [(3, 50, 1, 3.0268), (3, 20, 1, 1.7245), (3, 100, 1, 17.947), (4, 50, 2, 0.91545),
+     (3, 3.5, 0.1, 1.1348)],
+)
+def test_stable_drag_is_where_another_integrator_and_an_evans_determinant_found_it(
+    length, end_mass, drag_ratio, drag
+):
+    found = least_stable_drag(Parameters(1.0, length, end_mass, 1.0, drag_ratio))
+    assert found == pytest.approx(drag, rel=1e-3)
+
+
+def minimum_by_scan(parameters, drag, omegas):
+    """The state of least radius inside a range of omega in which there is one state, or None."""
+    radii = [states_at(parameters, drag, omega)[0].end_mass_radius for omega in omegas]
+    inside = [i for i in range(1, len(radii) - 1) if radii[i - 1] > radii[i] < radii[i + 1]]
+    if not inside:
+        return None
+    i = inside[0]
+    best = minimize_scalar(
+        lambda omega: states_at(parameters, drag, omega)[0].end_mass_radius,
+        bounds=(omegas[i - 1], omegas[i + 1]), method="bounded", options={"xatol": 1e-7},
+    )
+    return states_at(parameters, drag, best.x)[0]
+
+
+def test_stable_drag_is_the_birth_of_an_unstable_minimum_before_a_stable_one():
+    parameters = Parameters(1.0, 5.0703, 16.024, 1.0, 0.61138, elasticity=386.43)
+    drag = least_stable_drag(parameters)
+    omegas = np.linspace(1.2, 2.5, 66)
+    assert minimum_by_scan(parameters, drag * 1.001, omegas) is None
+    assert stability(minimum_by_scan(parameters, drag * 0.999, omegas)).growth_rate > 0.01
+    # The minimum that was the first above the jump.
+    later = np.linspace(4.6, 5.1, 26)
+    assert stability(minimum_by_scan(parameters, drag * 1.001, later)).stable
+
+
+@pytest.mark.parametrize(
+    ("parameters", "first", "drags"),
+    [
+        (Parameters(1.0, 5.3202, 91.151, 1.0, 0.79913, elasticity=394.95), 3.42, (0.12, 0.15)),
+        (Parameters(1.0, 5.7573, 6.6487, 1.0, 3.947), 1.277, (0.24, 0.3)),
+    ],
+)
+def test_a_later_minimum_that_loses_stability_does_not_count(parameters, first, drags):
+    for drag in drags:
+        omegas = first * np.linspace(0.95, 1.05, 21)
+        assert stability(minimum_by_scan(parameters, drag, omegas)).stable
+    assert least_stable_drag(parameters) is None
+
+
+def test_first_minimum_of_a_short_cable_is_judged_wherever_it_is():
+    parameters = replace(FIG_31, length=2.0)
+    drag = least_stable_drag(parameters)
+    omegas = np.linspace(11.0, 18.0, 15)
+    above, below = (minimum_by_scan(parameters, drag * k, omegas) for k in (1.001, 0.999))
+    assert below.parameters.omega > 10.0
+    assert stability(above).growth_rate < 0.0 < stability(below).growth_rate
+
+
+def test_a_minimum_beyond_the_limit_is_not_reported_at_the_limit():
+    # The minimum lies at omega 10.1.
+    parameters = replace(FIG_31, length=2.0, cable_drag=51.5)
+    assert first_minimum_state(parameters) is None
+    assert first_minimum_state(parameters, 20.0).parameters.omega == pytest.approx(10.14, abs=0.01)
+
+
+@pytest.mark.slow
+def test_drag_for_stability_everywhere_is_converged_at_a_large_omega():
+    parameters = Parameters(1.0, 2.4907, 14.168, 1.0, 0.21138, elasticity=1629.7)
+
+    def growth(drag):
+        return stability(states_at(parameters, drag, 10.0)[0], functions=(60,)).growth_rate
+
+    zero = brentq(growth, 34.0, 36.0, rtol=1e-6)
+    assert least_drag_stable_everywhere(parameters, 10.0) == pytest.approx(zero, rel=1e-3)
 
 
 def test_unique_drag_falls_with_length_and_drag_ratio_and_rises_with_end_mass():

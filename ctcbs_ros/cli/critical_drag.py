@@ -12,7 +12,10 @@ def add_parser(subparsers) -> None:
         description="Least cable drag above which every omega up to --omega-max has one steady "
         "state (unique), the state at the first minimum of the end-mass radius is stable "
         "(stable), and every state of the branch connected to omega -> 0 up to --omega-max is "
-        "stable (stable_everywhere). `required` is the larger of unique and stable.",
+        "stable (stable_everywhere). `required` is the larger of unique and stable. The first "
+        "minimum is, at each drag, that of least omega on the branch connected to omega -> 0; "
+        "where that branch has none, the one followed from larger drag onto the branch that has "
+        "parted from it.",
     )
     add_arguments(parser)
     parser.set_defaults(run=run)
