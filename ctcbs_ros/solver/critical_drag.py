@@ -28,8 +28,6 @@ from ctcbs_ros.solver.steady_state import TOLERANCE, SteadyState, correct_state,
 # are followed to where no orbit is flown any more.
 _FASTEST_MINIMUM = 10.0
 _FASTEST_FOLLOWED = 30.0
-# A trace goes on beyond a limit of omega by this factor, one of its longest steps.
-_PAST = 1.13
 _SLOWEST = 0.02
 _RATIO = 1.6
 # Ratio of drags at which a minimum is followed from one to the next.
@@ -190,8 +188,7 @@ def first_minimum_state(
     SteadyState or None
         That of least omega; None where the radius has no minimum up to the limit.
     """
-    # Past the limit: the gradient at a cut end is that of the point beyond.
-    points = main_branch(parameters, omega_max * _PAST, _SCAN)
+    points = main_branch(parameters, omega_max, _SCAN)
     start = ANGULAR_RATE.at(parameters, -log(parameters.omega))
     minima = []
     for i in np.flatnonzero(points[:-1, 3] * points[1:, 3] < 0.0):
@@ -202,7 +199,7 @@ def first_minimum_state(
             start.theta(), ANGULAR_RATE.exponents(), start.length, 0.0, TOLERANCE,
             np.ascontiguousarray(points[i : i + 2]), 3,
         )
-        if good and tau <= log(omega_max):
+        if good:
             minima.append((tau, u))
     if not minima:
         return None
