@@ -58,6 +58,7 @@ class FlightPoint:
             "phase_lag_rad": state.phase_lag,
             "tension_end_mass_n": state.tension_end_mass * self.tension_unit,
             "tension_tow_point_n": state.tension_tow_point * self.tension_unit,
+            "greatest_tension_n": state.greatest_tension * self.tension_unit,
             "growth_rate_per_s": stability.growth_rate * self.angular_rate,
             "frequency_per_s": stability.frequency * self.angular_rate,
         }

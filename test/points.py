@@ -12,6 +12,10 @@ GRAVITY = 9.80665
 FIVE = {"omega": 3.0, "l": 6.0, "m": 3.5, "d_n": 0.05, "f": 0.1}
 # Stretch matters, and MoorDyn settles at 0.1574 and 3.041, docs/thesis.md ("Stretch").
 STRETCHED = {"omega": 1.6, "l": 3.0, "m": 50.0, "d_n": 10.0, "f": 1.0, "gamma": 600.0}
+# Tension is greatest inside the cable, 28 % above both ends.
+TAUT_INSIDE = {
+    "omega": 2.3056, "l": 4.5406, "m": 5.96703, "d_n": 20.392, "f": 0.67527, "gamma": 600.0,
+}  # fmt: skip
 # Flutter, thesis Fig. 4.1.
 FLUTTER = {"omega": 3.4, "l": 3.0, "m": 3.5, "d_n": 1.33, "f": 0.1, "gamma": 600.0}
 

@@ -84,6 +84,17 @@ def shoot(point, x_d, rtol=1e-9, dense=None):
     return solution.y.reshape(6, n, -1)
 
 
+def greatest_tension(point, x_d):
+    """Largest |p t| along the cable: scipy's dense output on a fine grid, then a parabola."""
+    s = np.linspace(0.0, point["l"], 4001)
+    p = np.linalg.norm(shoot(point, x_d, 1e-11, s)[3:, 0], axis=0)
+    i = int(p.argmax())
+    if i in (0, s.size - 1):
+        return p[i]
+    left, right = p[i - 1] - p[i], p[i + 1] - p[i]
+    return p[i] - (right - left) ** 2 / (8.0 * (left + right))
+
+
 def residual(point, x_d, rtol=1e-9):
     """x^2 + y^2 - 1 at the tow point, (n,)."""
     end = shoot(point, x_d, rtol)

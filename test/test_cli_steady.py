@@ -20,11 +20,12 @@ ROOT = Path(__file__).resolve().parents[1]
 DESIGN = str(ROOT / "config" / "design_example.yaml")
 KEYS = (
     "end_mass_radius", "depth", "phase_lag", "tension_end_mass", "tension_tow_point",
-    "growth_rate", "frequency", "stable", "residual",
+    "greatest_tension", "growth_rate", "frequency", "stable", "residual",
 )  # fmt: skip
 UNITS = {
     "end_mass_radius": "_m", "depth": "_m", "phase_lag": "_rad", "tension_end_mass": "_n",
-    "tension_tow_point": "_n", "growth_rate": "_per_s", "frequency": "_per_s",
+    "tension_tow_point": "_n", "greatest_tension": "_n", "growth_rate": "_per_s",
+    "frequency": "_per_s",
 }  # fmt: skip
 
 
@@ -218,7 +219,7 @@ def test_two_flights_of_equal_groups_are_one_flight_in_two_units():
     for name, power in (
         ("end_mass_radius_m", 1.0), ("depth_m", 1.0), ("phase_lag_rad", 0.0),
         ("tension_end_mass_n", 3.0), ("tension_tow_point_n", 3.0),
-        ("growth_rate_per_s", -0.5), ("frequency_per_s", -0.5),
+        ("greatest_tension_n", 3.0), ("growth_rate_per_s", -0.5), ("frequency_per_s", -0.5),
     ):  # fmt: skip
         assert b[name] == pytest.approx(k**power * a[name], rel=1e-7)
 

@@ -14,8 +14,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from folding_flight import taut_inside
+from points import TAUT_INSIDE
 from points import design as point_of_chapter_5
-from reference_bvp import boundary_value_problem, brute_force
+from reference_bvp import boundary_value_problem, brute_force, greatest_tension
 from reference_vibration import eigenvalues_in_sines, largest_in_band
 
 from ctcbs_ros import __version__
@@ -26,11 +28,12 @@ from ctcbs_ros.design.chart import chart_column
 from ctcbs_ros.design.design import Design, cautions
 from ctcbs_ros.design.evaluation import Grid, evaluate
 from ctcbs_ros.design.limits import limiting, limits
+from ctcbs_ros.design.point import design_point
 from ctcbs_ros.design.radii import good_radii
 from ctcbs_ros.design.record import design_record
 from ctcbs_ros.design.remedies import CHANGES, changed, find_remedies, find_remedy
 from ctcbs_ros.design.report import report, write_report
-from ctcbs_ros.design.requirements import Criterion, Requirements
+from ctcbs_ros.design.requirements import Criterion, Requirements, violations
 from ctcbs_ros.design.text import design_text
 from ctcbs_ros.design.way_in import deploy, deployment_jumps
 from ctcbs_ros.errors import InputError
@@ -91,7 +94,9 @@ def test_si_figures_of_a_point_are_those_of_solve_bvp():
     unit = 1100.0 * pi / 4.0 * 0.00048**2 * 250.0 * 9.80665  # mu a g
     assert point.end_mass_radius == pytest.approx(250.0 * reference.x_d, rel=1e-6)
     assert point.depth == pytest.approx(250.0 * reference.depth, rel=1e-6)
-    assert point.tension == pytest.approx(unit * reference.tension_tow_point, rel=1e-6)
+    tension = greatest_tension(here, reference.x_d)
+    assert point.tension == pytest.approx(unit * tension, rel=1e-6)
+    assert tension > 1.005 * reference.tension_tow_point
 
 
 def test_the_chart_has_the_parameters_of_chapter_5():
@@ -231,6 +236,26 @@ def test_the_least_drag_chute_is_where_the_radius_of_a_fine_scan_crosses_the_lim
     assert share[0] > 0.1 > share[1]
 
 
+def test_a_cable_overloaded_only_between_its_ends_is_too_weak():
+    for share, good in ((0.85, False), (1.1, True)):
+        one, speed = taut_inside(share)
+        flight = flight_point(one, 100.0, speed, one.air.density_at(0.0))
+        point = design_point(flight)
+        unit, limit = flight.tension_unit, 0.5 * one.cable.breaking_tension
+        x_d = brute_force(TAUT_INSIDE)[0]
+        assert point.tension == pytest.approx(unit * greatest_tension(TAUT_INSIDE, x_d), rel=1e-6)
+        ends = point.state.tension_tow_point, point.state.tension_end_mass
+        assert unit * max(ends) < 0.93 * limit
+        found = violations(point, one, Requirements(), True)
+        assert (Criterion.TENSION_LIMIT in found) is not good
+    evaluation = evaluate(taut_inside(0.85)[0], 1.2, Requirements(), COARSE)
+    found = [limit for limit in limits(evaluation) if limit.criterion is Criterion.TENSION_LIMIT]
+    envelope = next(limit for limit in found if limit.phase == "envelope")
+    assert not envelope.good
+    remedy = find_remedy(evaluation, "stronger cable", COARSE)
+    assert remedy.value >= max(limit.value for limit in found) / 0.5
+
+
 def test_a_cable_too_weak_needs_the_largest_tension_over_the_fraction_allowed():
     one = chapter_5(SECOND, breaking_tension=100.0)
     evaluation = evaluate(one, AIR, Requirements(tension=0.5), COARSE)
@@ -337,7 +362,7 @@ def test_json_has_every_point_with_units_and_the_verdict(weak, capsys):
     assert lengths == sorted(lengths)
     assert lengths[-1] == 150.0
     worst = max(
-        max(p["tension_tow_point_n"], p["tension_end_mass_n"])
+        p["greatest_tension_n"]
         for part in (result["points"], *(way["points"] for way in result["deployments"]))
         for p in part
     )

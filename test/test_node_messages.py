@@ -125,7 +125,7 @@ STAMP = 1_767_268_800_123_456_789
 
 
 def state(radius=10.0, depth=100.0):
-    return EndMassState(radius, depth, 1.0, 4.0, 5.0, 0.3, 0.1, 0.2, True, 1e-12)
+    return EndMassState(radius, depth, 1.0, 4.0, 5.0, 6.0, 0.3, 0.1, 0.2, True, 1e-12)
 
 
 def prediction(**changes):

@@ -2,8 +2,14 @@
 
 import numpy as np
 import pytest
-from points import FIVE, STRETCHED, design, figure_3_1, parameters, random_points
-from reference_bvp import boundary_value_problem, brute_force, filled, residual
+from points import FIVE, STRETCHED, TAUT_INSIDE, design, figure_3_1, parameters, random_points
+from reference_bvp import (
+    boundary_value_problem,
+    brute_force,
+    filled,
+    greatest_tension,
+    residual,
+)
 
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.solver.parameters import Parameters
@@ -160,6 +166,28 @@ def test_tension_satisfies_the_first_integral_along_the_cable():
             total = p + 0.5 * g * p**2 - rho * r[:, 2]
             total += 0.5 * omega**2 * (r[:, 0] ** 2 + r[:, 1] ** 2)
             assert np.ptp(total) < 1e-7 * p.max()
+
+
+def test_tension_of_a_fast_light_mass_is_greatest_inside_the_cable():
+    # 7.960 at s/l 0.53, where the ends have 6.079 and 6.221
+    (state,) = steady_states(parameters(TAUT_INSIDE)).states
+    assert state.greatest_tension == pytest.approx(7.960, abs=5e-4)
+    assert state.greatest_tension > 1.27 * max(state.tension_end_mass, state.tension_tow_point)
+
+
+@pytest.mark.parametrize("elastic", [False, True])
+def test_greatest_tension_is_that_of_scipy_along_the_cable(elastic):
+    inside = 0
+    for point in (TAUT_INSIDE, *random_points(25, seed=28, elastic=elastic)):
+        for state in steady_states(parameters(point)).states:
+            expected = greatest_tension(point, state.end_mass_radius)
+            assert state.greatest_tension == pytest.approx(expected, rel=1e-7), point
+            ends = state.tension_end_mass, state.tension_tow_point
+            assert state.greatest_tension >= max(ends)
+            inside += expected > 1.001 * max(ends)
+            corrected = correct_state(state.parameters, 1.0001 * state.end_mass_radius)
+            assert corrected.greatest_tension == pytest.approx(state.greatest_tension, rel=1e-9)
+    assert inside >= 5
 
 
 def test_drag_takes_the_power_that_the_tow_point_gives():

@@ -72,7 +72,7 @@ def test_nodes_on_the_way_and_halved_steps_change_nothing(name):
     by_nodes = _run(theta, length, nodes=np.linspace(0.0, length, 31))[0]
     assert by_nodes[-1, 0] == pytest.approx(end[0, 0], rel=1e-9, abs=1e-9)
     assert by_nodes[0, 0, :3] == pytest.approx([x_d, 0.0, 0.0], abs=0.0)
-    halved = integrate_halved(theta, mesh, steps)
+    halved, _ = integrate_halved(theta, mesh, steps)
     assert halved == pytest.approx(end[0, 0], rel=1e-9, abs=1e-9)
 
 

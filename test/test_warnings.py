@@ -4,7 +4,7 @@ from dataclasses import replace
 from math import inf, nan
 
 import pytest
-from folding_flight import UNIT_SPEED, folding_configuration
+from folding_flight import UNIT_SPEED, folding_configuration, taut_inside
 from sample_flights import orbiting, samples_of
 
 from ctcbs_ros.configuration import load_configuration
@@ -164,14 +164,24 @@ def test_flutter_is_called_unstable():
         assert (flown[-10].end_mass.settling_time == inf) is unstable
 
 
-def test_tension_is_judged_at_both_ends_against_the_fraction_of_the_breaking_tension(end_mass):
+def test_tension_is_judged_against_the_fraction_of_the_breaking_tension(end_mass):
     cable = replace(DRONE.cable, breaking_tension=100.0)
     limits = limited(tension_fraction=0.5)
-    for end in ("tension_tow_point", "tension_end_mass"):
-        assert of_end_mass(end_mass, limits, cable, **{end: 49.9}) == set()
-        assert of_end_mass(end_mass, limits, cable, **{end: 50.1}) == {WarningCode.TENSION_LIMIT}
+    assert of_end_mass(end_mass, limits, cable, greatest_tension=49.9) == set()
+    above = of_end_mass(end_mass, limits, cable, greatest_tension=50.1)
+    assert above == {WarningCode.TENSION_LIMIT}
     unknown = replace(DRONE.cable, breaking_tension=inf)
-    assert of_end_mass(end_mass, limits, unknown, tension_tow_point=1e6) == set()
+    assert of_end_mass(end_mass, limits, unknown, greatest_tension=1e6) == set()
+
+
+def test_a_cable_overloaded_only_between_its_ends_is_warned_of():
+    for share, warned in ((0.85, True), (1.1, False)):
+        configuration, speed = taut_inside(share)
+        flight = orbiting(100.0, speed, 1.3, height=900.0)
+        last = [p for p in predict(samples_of(flight), configuration) if p.valid][-10]
+        state, limit = last.end_mass.state, 0.5 * configuration.cable.breaking_tension
+        assert max(state.tension_tow_point, state.tension_end_mass) < 0.93 * limit
+        assert (WarningCode.TENSION_LIMIT in codes(last)) is warned
 
 
 def test_ground_proximity_is_below_the_minimum_height_and_silent_where_no_height_is_known(

@@ -125,6 +125,7 @@ def run(args) -> int:
             "phase_lag": state.phase_lag,
             "tension_end_mass": state.tension_end_mass,
             "tension_tow_point": state.tension_tow_point,
+            "greatest_tension": state.greatest_tension,
             "growth_rate": damping.growth_rate,
             "frequency": damping.frequency,
             "stable": damping.stable,
@@ -160,20 +161,21 @@ def run(args) -> int:
 
 def _print_table(solutions, flight, reason) -> None:
     if flight is None:
-        header = "radius/a  depth/a  lag[deg]  T_mass  T_tow  growth/rad  freq/rad  stable"
+        header = "radius/a  depth/a  lag[deg]  T_mass  T_tow  T_max  growth/rad  freq/rad  stable"
         rows = [
             (s["end_mass_radius"], s["depth"], degrees(s["phase_lag"]), s["tension_end_mass"],
-             s["tension_tow_point"], s["growth_rate"], s["frequency"])
+             s["tension_tow_point"], s["greatest_tension"], s["growth_rate"], s["frequency"])
             for s in solutions
         ]
     else:
         header = (
-            "radius[m]  depth[m]  lag[deg]  T_mass[N]  T_tow[N]  growth[1/s]  freq[rad/s]  stable"
+            "radius[m]  depth[m]  lag[deg]  T_mass[N]  T_tow[N]  T_max[N]  growth[1/s]  "
+            "freq[rad/s]  stable"
         )
         rows = [
             (si["end_mass_radius_m"], si["depth_m"], degrees(si["phase_lag_rad"]),
-             si["tension_end_mass_n"], si["tension_tow_point_n"], si["growth_rate_per_s"],
-             si["frequency_per_s"])
+             si["tension_end_mass_n"], si["tension_tow_point_n"], si["greatest_tension_n"],
+             si["growth_rate_per_s"], si["frequency_per_s"])
             for si in (s["si"] for s in solutions)
         ]
     if not solutions:

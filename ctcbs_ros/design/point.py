@@ -56,11 +56,10 @@ class DesignPoint:
 
     @property
     def tension(self) -> float:
-        """The larger of the tensions at both ends [N]."""
+        """The greatest along the cable [N]; nan without a state."""
         if self.state is None:
             return nan
-        largest = max(self.state.tension_tow_point, self.state.tension_end_mass)
-        return largest * self.flight.tension_unit
+        return self.state.greatest_tension * self.flight.tension_unit
 
     @property
     def margin(self) -> float:

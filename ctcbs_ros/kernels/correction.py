@@ -25,8 +25,8 @@ _MOST_ITERATIONS = 12
 _LARGEST_MENDING = 1e-7
 
 # What `out` holds; X .. F_Z are position and tension vector at the tow point.
-U, MISS, SLOPE, LEAST_TENSION, X, Y, Z, F_X, F_Y, F_Z = range(10)
-N_OUT = 10
+U, MISS, SLOPE, LEAST_TENSION, GREATEST_TENSION, X, Y, Z, F_X, F_Y, F_Z = range(11)
+N_OUT = 11
 
 
 @njit(cache=True)
@@ -42,7 +42,7 @@ def correct(theta, length, u, max_step, out):
         ln(end-mass radius) near the wanted state.
     max_step : float
         How far u may move.
-    out : (10,) array, written
+    out : (11,) array, written
         As by `describe`.
 
     Returns
@@ -82,10 +82,10 @@ def describe(theta, length, u, out):
     theta : (8,) array
         Parameters; x_d is overwritten.
     length, u : float
-    out : (10,) array, written
+    out : (11,) array, written
         u; h there, integrated with every step halved; dh/du, whose sign tells on which side of a
-        fold the state lies; least tension; position and tension vector at the tow point. u has
-        moved a little where the state had to be mended.
+        fold the state lies; least and greatest tension; position and tension vector at the tow
+        point. u has moved a little where the state had to be mended.
 
     Returns
     -------
@@ -106,8 +106,8 @@ def describe(theta, length, u, out):
 def _check(theta, length, u, slope, least, steps, mesh, out):
     """Integrate over the halved steps of a mesh into `out`; return whether the residual is met."""
     theta[X_D] = np.exp(u)
-    end = integrate_halved(theta, mesh, steps)
-    out[U], out[SLOPE], out[LEAST_TENSION] = u, slope, least
+    end, greatest = integrate_halved(theta, mesh, steps)
+    out[U], out[SLOPE], out[LEAST_TENSION], out[GREATEST_TENSION] = u, slope, least, greatest
     out[MISS] = end[0] * end[0] + end[1] * end[1] - 1.0
     out[X:] = end
     return abs(out[MISS]) < RESIDUAL_LIMIT

@@ -246,16 +246,55 @@ def integrate(theta, directions, nodes, tolerance, max_steps, states, mesh):
 
 @njit(cache=True, fastmath=_FUSED)
 def integrate_halved(theta, mesh, steps):
-    """Integrate over the steps of `mesh`, each halved; return the state at the tow point, (6,)."""
+    """Integrate over the steps of `mesh`, each halved.
+
+    Returns
+    -------
+    state : (6,) array
+        At the tow point.
+    greatest_tension : float
+        Along the cable, inside the steps too.
+    """
     directions = np.empty((0, N_THETA))
     y = np.empty((1, 6))
     scratch = np.empty((1, 6))
+    inside = np.empty((1, 6))
     k = np.empty((_STAGES + 1, 1, 6))
     initial_state(theta, directions, y)
+    cable_rhs(theta, directions, y, k[0])
+    p, rise = _tension(y[0], k[0, 0])
+    greatest = p
     for i in range(steps):
         h = 0.5 * (mesh[i + 1] - mesh[i])
         for _ in range(2):
-            cable_rhs(theta, directions, y, k[0])
             _stages(theta, directions, y, h, k, scratch)
+            cable_rhs(theta, directions, scratch, k[_STAGES])
+            p_end, rise_end = _tension(scratch[0], k[_STAGES, 0])
+            greatest = max(greatest, p_end)
+            if rise > 0.0 > rise_end:
+                # The error of the place enters squared: it is the tension there to many digits.
+                step = h * _maximum(p, p_end, h * rise, h * rise_end)
+                _stages(theta, directions, y, step, k, inside)
+                greatest = max(greatest, _tension(inside[0], k[0, 0])[0])
             y[:] = scratch
-    return y[0].copy()
+            k[0] = k[_STAGES]
+            p, rise = p_end, rise_end
+    return y[0].copy(), greatest
+
+
+@njit(cache=True, fastmath=_FUSED)
+def _tension(y, dy):
+    """Tension of a state, (6,), and with its slope, (6,), how fast the tension rises with s."""
+    p = np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2)
+    return p, (y[3] * dy[3] + y[4] * dy[4] + y[5] * dy[5]) / p
+
+
+@njit(cache=True)
+def _maximum(p0, p1, d0, d1):
+    """Where in [0, 1] the cubic with values p0, p1 and slopes d0 > 0 > d1 at its ends is largest.
+
+    Its slope is d0 + b x + a x^2; of the forms of its root, the one that loses no digits.
+    """
+    a = 3.0 * (d0 + d1) - 6.0 * (p1 - p0)
+    b = d1 - d0 - a
+    return 2.0 * d0 / (np.sqrt(b * b - 4.0 * a * d0) - b)

@@ -82,6 +82,7 @@ def state_in_si(point: FlightPoint, state: SteadyState, stability: Stability) ->
         phase_lag=state.phase_lag,
         tension_end_mass=si["tension_end_mass_n"],
         tension_tow_point=si["tension_tow_point_n"],
+        greatest_tension=si["greatest_tension_n"],
         margin=stability.margin,
         margin_per_s=-si["growth_rate_per_s"],
         frequency_per_s=si["frequency_per_s"],

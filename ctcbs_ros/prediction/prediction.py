@@ -13,8 +13,9 @@ class EndMassState:
     """A steady state of the end mass at the orbit flown, in SI units.
 
     `phase_lag` [rad, 0..2 pi) is how far the end mass trails the tow point in the sense of
-    rotation; tensions in N; `margin` is the decay rate of the least damped mode per radian of
-    orbit and `margin_per_s` per second; `frequency_per_s` in rad/s, in the rotating frame.
+    rotation; tensions in N, the greatest along the cable; `margin` is the decay rate of the least
+    damped mode per radian of orbit and `margin_per_s` per second; `frequency_per_s` in rad/s, in
+    the rotating frame.
     """
 
     radius: float
@@ -22,6 +23,7 @@ class EndMassState:
     phase_lag: float
     tension_end_mass: float
     tension_tow_point: float
+    greatest_tension: float
     margin: float
     margin_per_s: float
     frequency_per_s: float

@@ -104,6 +104,7 @@ def state_fields(state: EndMassState) -> Record:
         "phase_lag_rad": finite(state.phase_lag),
         "tension_end_mass_n": finite(state.tension_end_mass),
         "tension_tow_point_n": finite(state.tension_tow_point),
+        "greatest_tension_n": finite(state.greatest_tension),
         "margin_per_rad": finite(state.margin),
         "margin_per_s": finite(state.margin_per_s),
         "frequency_rad_s": finite(state.frequency_per_s),

@@ -145,14 +145,13 @@ def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) ->
     if distance < limits.near_jump:
         onto = f"to a radius of {landing:.0f} m" if isfinite(landing) else "to no stable state"
         found.append(_warn(WarningCode.NEAR_JUMP, f"jump at {where} {onto}"))
-    tension = max(state.tension_tow_point, state.tension_end_mass)
     limit = limits.tension_fraction * cable.breaking_tension
-    if tension > limit:
+    if state.greatest_tension > limit:
         found.append(
             _error(
                 WarningCode.TENSION_LIMIT,
-                f"tension {tension:.1f} N is above {limits.tension_fraction:.0%} of the breaking "
-                f"tension {cable.breaking_tension:g} N",
+                f"tension {state.greatest_tension:.1f} N is above {limits.tension_fraction:.0%} "
+                f"of the breaking tension {cable.breaking_tension:g} N",
             )
         )
     if end_mass.height_above_home < limits.minimum_height:

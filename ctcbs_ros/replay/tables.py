@@ -46,6 +46,7 @@ PREDICTION_COLUMNS = (
     "phase_lag_rad",
     "tension_end_mass_n",
     "tension_tow_point_n",
+    "greatest_tension_n",
     "margin_per_rad",
     "margin_per_s",
     "frequency_rad_s",

@@ -253,10 +253,9 @@ def _describe(problem: _Problem, tau, u, with_stability) -> tuple[DiagramPoint, 
 
 
 def _trust(state: SteadyState) -> str:
-    tension = max(state.tension_end_mass, state.tension_tow_point)
     if state.least_tension <= 0.0:
         return "the cable is slack"
-    if tension > MAX_STRAIN * state.parameters.elasticity:
+    if state.greatest_tension > MAX_STRAIN * state.parameters.elasticity:
         return f"stretched beyond a strain of {MAX_STRAIN:g}"
     # A fold's own residual is quadratic in its place, which is no better known.
     if not state.converged and state.residual > 1e-7:

@@ -128,8 +128,7 @@ class Surface:
         state = describe(self.at(z[0], z[1]), float(z[2]))
         if state is None:
             return False
-        tension = max(state.tension_end_mass, state.tension_tow_point)
-        return tension <= MAX_STRAIN * state.parameters.elasticity
+        return state.greatest_tension <= MAX_STRAIN * state.parameters.elasticity
 
     def cusp(self, z):
         """The cusp near z, or None."""

@@ -30,8 +30,11 @@ class SteadyState:
         Radius of the end mass's circle and its depth below the tow plane.
     phase_lag : float
         Tow-point angle minus end-mass angle in the sense of rotation, in [0, 2 pi).
-    tension_end_mass, tension_tow_point, least_tension : float
-        At both ends, and the least along the cable.
+    tension_end_mass, tension_tow_point : float
+        At both ends.
+    least_tension, greatest_tension : float
+        Along the cable. The greatest may lie inside it: tension falls towards the tow point where
+        the cable there runs outward faster than it climbs.
     residual : float
         |x^2 + y^2 - 1| at the tow point, integrated again with every step halved.
     slope : float
@@ -48,6 +51,7 @@ class SteadyState:
     tension_end_mass: float
     tension_tow_point: float
     least_tension: float
+    greatest_tension: float
     residual: float
     slope: float
     converged: bool
@@ -175,20 +179,24 @@ def describe(parameters: Parameters, u: float) -> SteadyState | None:
 
 def _state(parameters: Parameters, out: np.ndarray) -> SteadyState:
     """What `ctcbs_ros.kernels.correction` has found."""
-    u, miss, slope, least_tension, x, y, z, f_x, f_y, f_z = out.tolist()
+    u, miss, slope, least_tension, greatest_tension, x, y, z, f_x, f_y, f_z = out.tolist()
     radius, square = exp(u), parameters.omega**2
+    tension_end_mass = hypot(
+        square * parameters.end_mass * radius,
+        square * parameters.end_mass_drag * radius**2,
+        parameters.end_weight,
+    )
+    tension_tow_point = hypot(f_x, f_y, f_z)
     return SteadyState(
         parameters=parameters,
         end_mass_radius=radius,
         depth=z,
         phase_lag=_positive_angle(atan2(y, x)),
-        tension_end_mass=hypot(
-            square * parameters.end_mass * radius,
-            square * parameters.end_mass_drag * radius**2,
-            parameters.end_weight,
-        ),
-        tension_tow_point=hypot(f_x, f_y, f_z),
+        tension_end_mass=tension_end_mass,
+        tension_tow_point=tension_tow_point,
         least_tension=least_tension,
+        # Where it is that of an end, to the last digit.
+        greatest_tension=max(greatest_tension, tension_end_mass, tension_tow_point),
         residual=abs(miss),
         slope=slope,
         converged=abs(miss) < RESIDUAL_LIMIT,
