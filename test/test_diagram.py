@@ -291,6 +291,8 @@ def test_branch_command_refuses_bad_input_in_one_line(arguments, said):
         # another kind (variable-order Adams); the step of the trace goes beyond them.
         (replace(FIG_41, cable_drag=3.0), 2.12, "minima"),
         (FIG_31, 1.098, "folds"),
+        # The fold is at 1.098181083: the trace goes round it in one step.
+        (FIG_31, 1.098181, "folds"),
     ],
 )
 def test_events_just_beyond_the_range_are_not_listed_at_its_end(parameters, high, events):

@@ -177,6 +177,11 @@ class _Problem:
     def at(self, tau: float) -> Parameters:
         return self.family.at(self.parameters, float(tau))
 
+    def inside(self, event: Event) -> bool:
+        """Whether an event is in the range: one step of a trace may go out of it and back."""
+        low, high = self.value * exp(self.tau_low), self.value * exp(self.tau_high)
+        return low * (1.0 - 1e-12) <= event.value <= high * (1.0 + 1e-12)
+
     def event(self, tau, u, kind, frequency=0.0, changes_stability=False) -> Event:
         return Event(
             self.value * exp(tau), self.at(tau).omega, exp(u), frequency, kind, changes_stability
@@ -211,10 +216,12 @@ def _branch(problem: _Problem, rows: np.ndarray, with_stability: bool) -> Diagra
         divergences = [event for _, event in events if event.kind == "divergence"]
         folds = [(s, e) for s, e in events if e.kind == "fold"]
         changes = [(s, e) for s, e in events if e.changes_stability]
+    listed = ([e for _, e in folds], hopf, minima, maxima, divergences, [e for _, e in changes])
+    folds, hopf, minima, maxima, divergences, changes = (
+        tuple(e for e in events if problem.inside(e)) for events in listed
+    )
     return DiagramBranch(
-        tuple(points), tuple(e for _, e in folds), tuple(hopf), tuple(minima), tuple(maxima),
-        _connected(problem, rows), tuple(divergences),
-        tuple(e for _, e in changes),
+        tuple(points), folds, hopf, minima, maxima, _connected(problem, rows), divergences, changes
     )
 
 
