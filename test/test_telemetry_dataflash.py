@@ -3,15 +3,17 @@
 import random
 import struct
 from datetime import datetime, timedelta, timezone
-from math import isnan
+from math import inf, isnan, nan
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.DFReader import FORMAT_TO_STRUCT
 
+from ctcbs_ros.prediction.codes import SkipCode
 from ctcbs_ros.telemetry.dataflash import DataflashDecoder
 from ctcbs_ros.telemetry.link import Vehicle
+from ctcbs_ros.telemetry.screen import Screen
 
 # Ids and layouts as ArduPilot 4.5 writes them (FMT messages of plane_sitl_guided_loiter.BIN).
 LAYOUTS = {
@@ -81,6 +83,13 @@ def test_gps_message_becomes_si_degrees_and_enu():
     assert (sample.fix_type, sample.satellites) == (3, 9)
     assert sample.horizontal_accuracy == pytest.approx(3.6)  # dilution 1.2 times 3 m
     assert isnan(sample.altitude_ellipsoid)
+
+
+def test_course_that_is_no_number_gives_a_velocity_that_is_none():
+    for course in (inf, nan):
+        (sample,), _ = decode(gps(25_000_000, GCrs=course))
+        assert isnan(sample.velocity[0])
+        assert Screen().check(sample) is SkipCode.NOT_FINITE
 
 
 def test_accuracies_and_geoid_come_from_the_same_receiver():

@@ -2,6 +2,7 @@
 
 import io
 import random
+import struct
 from itertools import pairwise
 from math import asin, atan2, cos, degrees, hypot, inf, isnan, nan, radians, sin, sqrt
 
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyulog import ULog
-from ulog_bytes import FORMATS, OLD_GPS, SYNC, UlogWriter, gps, keyed, message
+from ulog_bytes import CODES, FORMATS, OLD_GPS, SYNC, UlogWriter, gps, keyed, message
 
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.telemetry.link import Vehicle
@@ -169,6 +170,7 @@ def test_unprojected_point_lies_at_its_distance_and_bearing_on_the_sphere(north,
     arc = 2 * asin(sqrt(sin((b - a) / 2) ** 2 + cos(a) * cos(b) * sin(turn / 2) ** 2))
     bearing = atan2(sin(turn) * cos(b), cos(a) * sin(b) - sin(a) * cos(b) * cos(turn))
     assert 6_371_000.0 * arc == pytest.approx(hypot(north, east), rel=1e-6)
+    assert all(map(isnan, unprojected(47.4, 8.5, 1.7e308, 1.7e308)))
     assert degrees(bearing) == pytest.approx(degrees(atan2(east, north)), abs=1e-4)
 
 
@@ -207,6 +209,24 @@ def test_values_that_are_not_numbers_are_screened():
     )
     screen = Screen()
     assert [screen.check(s).value for s in decode(log)[0]] == ["NOT_FINITE"] * len(bad)
+
+
+@pytest.mark.parametrize("kind", ["char", "double", "float", "bool", "int8_t", "uint64_t"])
+@pytest.mark.parametrize("topic", ["vehicle_gps_position", "vehicle_local_position"])
+def test_fields_declared_as_another_type_raise_nothing(topic, kind):
+    fields = FORMATS[topic].rstrip(";").split(";")
+    size = struct.calcsize({"char": "c", **CODES}[kind])
+    for value in (b"\xff" * size, b"\x01" * size, struct.pack("<d", 1e308)[-size:]):
+        for i in range(len(fields)):
+            declared = list(fields)
+            declared[i] = f"{kind} {fields[i].split(' ')[1]}"
+            writer = UlogWriter(FORMATS | {topic: ";".join(declared)})
+            log = writer.start + message("A", b"\0\0\0" + topic.encode())
+            log += message("D", b"\0\0" + value * 30)
+            for j in range(20, 200):
+                log += message("D", b"\0\0" + (value * 200)[:j])
+            for sample in decode(log)[0]:
+                Screen().check(sample)
 
 
 # --- the file -----------------------------------------------------------------------------------

@@ -4,7 +4,10 @@ import struct
 
 MAGIC = b"ULog\x01\x12\x35\x01"
 SYNC = bytes.fromhex("2f731320250cbb12")
-CODES = {"int32_t": "i", "uint64_t": "Q", "uint8_t": "B", "float": "f", "double": "d", "bool": "?"}
+CODES = {
+    "int8_t": "b", "uint8_t": "B", "int32_t": "i", "uint64_t": "Q", "float": "f", "double": "d",
+    "bool": "?",
+}  # fmt: skip
 
 # Fields as PX4's message files have them: 1.14 and later in double degrees, before in integers.
 GPS = (

@@ -133,6 +133,8 @@ class DataflashDecoder:
         The vehicle, where it is known already.
     unix_anchor : (int, int), optional
         An instant of the autopilot's clock [us] and its Unix time [us], where known already.
+    splitter : type, optional
+        What cuts the stream into messages; default `MessageSplitter`.
 
     Attributes
     ----------
@@ -144,7 +146,12 @@ class DataflashDecoder:
         As the parameter, or from the first GPS message with GPS time.
     """
 
-    def __init__(self, vehicle: Vehicle | None = None, unix_anchor: tuple[int, int] | None = None):
+    def __init__(
+        self,
+        vehicle: Vehicle | None = None,
+        unix_anchor: tuple[int, int] | None = None,
+        splitter: type | None = None,
+    ):
         self.link = LinkStatistics()
         self.vehicle = vehicle
         self.wind: Vector | None = None
@@ -168,7 +175,7 @@ class DataflashDecoder:
             "XKF4": self._estimator_status,
             "NKF4": self._estimator_status,
         }
-        self._messages = MessageSplitter(self.link)
+        self._messages = (splitter or MessageSplitter)(self.link)
 
     def feed(self, data: bytes, last: bool = False) -> Iterator[Sample]:
         """Samples completed by more bytes, as they are decoded; with `last` no more follow."""
@@ -242,5 +249,5 @@ def _velocity(gps: DFMessage) -> Vector | None:
     """East, north, up [m/s]; 0 upwards where the log has no vertical velocity."""
     if not (hasattr(gps, "Spd") and hasattr(gps, "GCrs")):
         return None
-    course = radians(gps.GCrs)
+    course = radians(gps.GCrs) if isfinite(gps.GCrs) else nan
     return gps.Spd * sin(course), gps.Spd * cos(course), -getattr(gps, "VZ", 0.0)

@@ -7,6 +7,8 @@ from pathlib import Path
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.telemetry.dataflash import START as DATAFLASH_START
 from ctcbs_ros.telemetry.dataflash import DataflashDecoder
+from ctcbs_ros.telemetry.dataflash_text import START as DATAFLASH_TEXT_START
+from ctcbs_ros.telemetry.dataflash_text import LineSplitter
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.mavlink import MavlinkDecoder
 from ctcbs_ros.telemetry.rosbag import BagSource, is_bag, open_bag
@@ -17,6 +19,8 @@ from ctcbs_ros.telemetry.ulog import UlogDecoder
 CHUNK = 1 << 14
 # Bytes in which a log must show its format, and tell its vehicle if it can.
 HEAD = 1 << 20
+# Bytes in which a log as text declares its first format.
+TEXT_HEAD = 1 << 12
 # Random bytes hold a frame with a right checksum now and then; of a log, this part is messages.
 LEAST_GOOD_PART = 1e-3
 
@@ -84,8 +88,8 @@ def open_log(
     Parameters
     ----------
     path : str or Path
-        A MAVLink log with receive stamps (.tlog) or without, an ArduPilot DataFlash log (.BIN), a
-        PX4 log (.ulg), a rosbag2 folder, or a file of one (.db3, .mcap).
+        A MAVLink log with receive stamps (.tlog) or without, an ArduPilot DataFlash log (.BIN, or
+        as text .log), a PX4 log (.ulg), a rosbag2 folder, or a file of one (.db3, .mcap).
     system, component : int, optional
         MAVLink ids of the vehicle wanted; without them the first aircraft, see
         `ctcbs_ros.telemetry.mavlink.VehicleDecoder`. The other logs have one vehicle only.
@@ -113,6 +117,9 @@ def open_log(
     if head.startswith(DATAFLASH_START):
         trial = _tried(DataflashDecoder(), head)
         decoder = partial(DataflashDecoder, vehicle=trial.vehicle, unix_anchor=trial.unix_anchor)
+    elif DATAFLASH_TEXT_START.search(head[:TEXT_HEAD]):
+        trial = _tried(DataflashDecoder(splitter=LineSplitter), head)
+        decoder = partial(DataflashDecoder, trial.vehicle, trial.unix_anchor, LineSplitter)
     elif head.startswith(ULOG_START):
         trial = _tried(UlogDecoder(), head)
         decoder = partial(UlogDecoder, trial.vehicle, trial.unix_anchor, trial.position_topic)
@@ -130,7 +137,8 @@ def open_log(
     if trial.link.messages == 0 or good < LEAST_GOOD_PART * len(head):
         raise InputError(
             f"log {path}: no message of a known format found; allowed: a .tlog, a MAVLink "
-            "stream without time stamps, an ArduPilot .BIN, a PX4 .ulg, or a rosbag2 (.db3, .mcap)"
+            "stream without time stamps, an ArduPilot .BIN or .log, a PX4 .ulg, or a rosbag2 "
+            "(.db3, .mcap)"
         )
     return LogSource(path, decoder)
 

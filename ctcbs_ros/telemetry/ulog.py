@@ -37,7 +37,10 @@ FACTS = ("sys_name", "MAV_SYS_ID")
 CODES = {
     "int8_t": "b", "uint8_t": "B", "int16_t": "h", "uint16_t": "H", "int32_t": "i",
     "uint32_t": "I", "int64_t": "q", "uint64_t": "Q", "float": "f", "double": "d",
-    "bool": "?", "char": "c",
+    "bool": "?", "char": "x",
+}  # fmt: skip
+INTEGERS = {
+    "timestamp", "time_utc_usec", "timestamp_time_relative", "fix_type", "satellites_used",
 }  # fmt: skip
 # Message types, with the bytes that each has at least.
 LEAST = {
@@ -460,7 +463,7 @@ def unprojected(
     (float, float)
         Latitude and longitude [deg]; nan where an argument is not finite.
     """
-    if not all(map(isfinite, (latitude, longitude, north, east))):
+    if not all(map(isfinite, (latitude, longitude, hypot(north, east)))):
         return nan, nan
     arc, course, origin = hypot(north, east) / EARTH_RADIUS, atan2(east, north), radians(latitude)
     sine = sin(origin) * cos(arc) + cos(origin) * sin(arc) * cos(course)
@@ -480,6 +483,10 @@ def _layout(fields: list[tuple[str, int, str]]) -> Layout:
         trailing = ""
         if count:
             formats += f"{struct.calcsize('<' + code) * count}x"
+        elif code == "x":
+            formats += code
+        elif name in INTEGERS and code in "fd?":
+            raise ValueError(f"{name}: {kind}")
         else:
             names.append(name)
             formats += code
