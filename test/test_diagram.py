@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, minimize_scalar
 
+from ctcbs_ros.cli.main import main
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.scaling import flight_point
@@ -368,3 +369,11 @@ def test_growing_mode_that_comes_into_the_band_is_no_hopf_point():
     edge = brentq(lambda omega: fastest(omega).imag - 5.0, 1.7, 1.9)
     assert change.value == pytest.approx(edge, abs=1e-5)
     assert fastest(edge).real > 0.002
+
+
+def test_picture_of_an_unknown_kind_is_refused_before_the_work(tmp_path, capsys):
+    picture = tmp_path / "branch.xyz"
+    arguments = "branch --vary omega --from 0.5 --to 1 --length 3 --end-mass 50 --cable-drag 10"
+    assert main([*arguments.split(), "--drag-ratio", "1", "--plot", str(picture)]) == 2
+    assert "must end in .png, .pdf, .svg" in capsys.readouterr().err
+    assert not picture.exists()

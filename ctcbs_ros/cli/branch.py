@@ -11,6 +11,7 @@ from ctcbs_ros.errors import InputError
 from ctcbs_ros.files import atomic_file
 
 _SI = {"radius": "radius_m", "speed": "speed_m_s", "cable-length": "cable_length_m"}
+_PICTURES = (".png", ".pdf", ".svg")
 _NONDIMENSIONAL = ("omega", "length", "end-mass", "cable-drag", "drag-ratio")
 
 
@@ -40,6 +41,8 @@ def add_parser(subparsers) -> None:
 
 def run(args) -> int:
     """Trace, and print as JSON or as a table."""
+    if args.plot and not args.plot.endswith(_PICTURES):
+        raise InputError(f"--plot {args.plot}: must end in {', '.join(_PICTURES)}")
     from ctcbs_ros.solver.diagram import diagram, first_minimum
 
     parameters, family, value, name = _problem(args)
