@@ -38,6 +38,16 @@ class Sample:
         One standard deviation of the horizontal position, as stated [m]; nan unknown.
     speed_accuracy : float
         One standard deviation of the velocity [m/s]; nan unknown.
+    airspeed : float
+        By a sensor, since the sample before [m/s]; nan where none came, or where the autopilot has
+        no such sensor and sends what it works out.
+    heading : float
+        ENU angle of where the nose points [deg], since the sample before; nan where none came.
+    wind : tuple of 3 floats, optional
+        Wind by the autopilot, since the sample before: velocity of the air towards east, north, up
+        [m/s]; None where none came.
+    wind_accuracy : float
+        One standard deviation of its horizontal components [m/s]; nan unknown.
     """
 
     time: float
@@ -54,3 +64,7 @@ class Sample:
     satellites: int | None = None
     horizontal_accuracy: float = nan
     speed_accuracy: float = nan
+    airspeed: float = nan
+    heading: float = nan
+    wind: Vector | None = None
+    wind_accuracy: float = nan
