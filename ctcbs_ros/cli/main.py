@@ -7,19 +7,15 @@ import sys
 from collections.abc import Sequence
 
 from ctcbs_ros import __version__
-from ctcbs_ros.cli import (
-    bench,
-    branch,
-    critical_drag,
-    cusp,
-    design,
-    figures,
-    replay,
-    simulate,
-    steady,
-    table,
-)
 from ctcbs_ros.errors import InputError
+
+
+class Interrupted(KeyboardInterrupt):
+    """SIGINT, as an exception of our own.
+
+    Where a plain KeyboardInterrupt passes through an ``exec`` (dataclasses and numba use it),
+    CPython ends the process by SIGINT even though the exception was caught.
+    """
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -36,9 +32,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 done; 1 failed; 2 bad input, after one line on standard error (as argparse does itself,
         by SystemExit); 130 interrupted; 141 nobody reads standard output.
     """
+    before = signal.signal(signal.SIGINT, _interrupt)
     signal.signal(signal.SIGTERM, _terminate)
-    args = _parser().parse_args(arguments)
     try:
+        args = _parser().parse_args(arguments)
         code = args.run(args)
         sys.stdout.flush()
         return code
@@ -52,9 +49,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # What is left in the buffer must not be flushed into the closed pipe at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _parser() -> argparse.ArgumentParser:
+    # Here, because these imports take a second, in which an interrupt is to end like any other.
+    from ctcbs_ros.cli import (
+        bench,
+        branch,
+        critical_drag,
+        cusp,
+        design,
+        figures,
+        replay,
+        simulate,
+        steady,
+        table,
+    )
+
     parser = argparse.ArgumentParser(
         "ctcbs",
         description="Prediction of the end mass of a cable towed by a circling aircraft.",
@@ -66,6 +79,10 @@ def _parser() -> argparse.ArgumentParser:
     ):  # fmt: skip
         command.add_parser(commands)
     return parser
+
+
+def _interrupt(_number: int, _frame) -> None:
+    raise Interrupted
 
 
 def _terminate(number: int, _frame) -> None:
