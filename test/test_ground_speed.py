@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from orbit_tracks import TURN, arc, fly
 
 from ctcbs_ros.orbit.ground_speed import GroundSpeedVariation
 from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.orbit.tracks import TURN, arc, fly
 
 
 def true_orbit(time, radius, speed):

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from orbit_tracks import TURN, arc, fly, racetrack, straight
 
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.segments import OrbitSegments
+from ctcbs_ros.orbit.tracks import TURN, arc, fly, racetrack, straight
 from ctcbs_ros.telemetry.local_frame import LocalFrame
 from ctcbs_ros.telemetry.screen import Screen
 from ctcbs_ros.telemetry.source import open_log

@@ -4,11 +4,11 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from orbit_tracks import TURN, arc, between, fly, straight
 
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.segments import OrbitSegments
+from ctcbs_ros.orbit.tracks import TURN, arc, between, fly, straight
 
 SPEED = 20.0
 

@@ -62,6 +62,7 @@ def _parser() -> argparse.ArgumentParser:
         cusp,
         design,
         figures,
+        orbit_study,
         replay,
         simulate,
         steady,
@@ -76,6 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in (
         steady, branch, cusp, critical_drag, design, figures, table, replay, simulate, bench,
+        orbit_study,
     ):  # fmt: skip
         command.add_parser(commands)
     return parser

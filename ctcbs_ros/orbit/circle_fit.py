@@ -20,7 +20,7 @@ _LATE = 2.0
 
 @dataclass(frozen=True)
 class CircleFit:
-    """A circle in the plane.
+    """A circle in the plane; n samples.
 
     Attributes
     ----------
@@ -30,17 +30,28 @@ class CircleFit:
         [m]
     radial : (n,) ndarray
         Signed distance of each position from the circle [m], positive outside.
-    covariance : (3, 3) ndarray
-        Of (center, radius), inflated where the residuals exceed the stated errors.
-    inflation : float
-        Variance of the residuals over the stated one, at least 1.
+    along : (n,) ndarray
+        Component of each velocity along the radius [m/s]; nan where not known.
+    weight : (2, n) ndarray
+        Of `radial` and `along`: Huber's over the variance.
+    inverse : (3, 3) ndarray
+        Of the normal matrix.
+    late : float
+        What the deviations of the velocities were multiplied by, at least 1.
     """
 
     center: np.ndarray
     radius: float
     radial: np.ndarray
-    covariance: np.ndarray
-    inflation: float
+    along: np.ndarray
+    weight: np.ndarray
+    inverse: np.ndarray
+    late: float
+
+    @property
+    def circle(self) -> np.ndarray:
+        """Centre and radius, (3,) [m]."""
+        return np.array([*self.center, self.radius])
 
 
 def algebraic_circle(points: np.ndarray) -> tuple[np.ndarray, float] | None:
@@ -110,13 +121,12 @@ def fit_circle(
             return None
     points = np.ascontiguousarray(points)
     circle = np.array([*start[0], start[1]], float)
-    radial = np.empty(len(points))
-    covariance = np.empty((3, 3))
-    inflation, converged = refine_circle(
+    n = len(points)
+    radial, along, weight, inverse = np.empty(n), np.empty(n), np.empty((2, n)), np.empty((3, 3))
+    late, converged = refine_circle(
         points, np.ascontiguousarray(velocities), np.ascontiguousarray(position_sigma),
-        np.ascontiguousarray(velocity_sigma), HUBER, _LATE, circle, radial, covariance,
+        np.ascontiguousarray(velocity_sigma), HUBER, _LATE, circle, radial, along, weight, inverse,
     )
     if not converged:
         return None
-    inflation = max(1.0, inflation)
-    return CircleFit(circle[:2], float(circle[2]), radial, covariance * inflation, inflation)
+    return CircleFit(circle[:2], float(circle[2]), radial, along, weight, inverse, late)

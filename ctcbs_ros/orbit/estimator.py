@@ -15,7 +15,9 @@ from ctcbs_ros.kernels.circle import (
     mean_rate,
     newest_offset,
     progress,
-    trend,
+    propagate,
+    scatter,
+    widening,
 )
 from ctcbs_ros.kernels.regression import line
 from ctcbs_ros.orbit.circle_fit import CircleFit, fit_circle
@@ -34,9 +36,18 @@ class OrbitSettings:
         Angle of the course that the window covers [rad]; a little over a turn averages a
         once-per-orbit variation of the speed.
     least_arc : float
-        Least angle about the centre for a valid orbit [rad].
+        Least angle about the centre for a valid orbit [rad]. The ends of a racetrack are circles
+        of half a turn.
+    confirming_arc : float
+        Least angle instead [rad] after a long turn the other way, or after a circle that was left
+        before it was flown so far: the loops of a figure of eight, the ends of a racetrack.
     position_sigma, velocity_sigma : float
         Standard deviations of one axis where the source states none [m], [m/s].
+    correlated_sigma : float
+        Standard deviation of one axis of the position's error that is correlated in time [m],
+        beside the white one that sources state.
+    noise_time : float
+        Time in which its correlation falls to 1/e [s] (first-order Gauss-Markov).
     least_sigma : float
         Smallest standard deviation of a position believed [m]: an autopilot does not hold a circle
         better than this.
@@ -45,7 +56,8 @@ class OrbitSettings:
     residual_share : float
         Largest root mean square distance from the circle, over its radius, beyond the noise.
     trend_share : float
-        Largest change of the radius in one turn, over the radius; more is a spiral.
+        Largest change of the radius in one turn, over the radius; more is a spiral. It must
+        exceed this by two of its standard deviations.
     minimum_radius, maximum_radius : float
         [m]
     minimum_speed : float
@@ -57,13 +69,16 @@ class OrbitSettings:
     """
 
     window: float = 1.1 * _TURN
-    least_arc: float = 0.45 * _TURN
+    least_arc: float = 0.46 * _TURN
+    confirming_arc: float = 0.95 * _TURN
     position_sigma: float = 2.0
     velocity_sigma: float = 0.4
+    correlated_sigma: float = 0.0
+    noise_time: float = 45.0
     least_sigma: float = 0.3
     least_velocity_sigma: float = 0.05
     residual_share: float = 0.03
-    trend_share: float = 0.15
+    trend_share: float = 0.08
     minimum_radius: float = 5.0
     maximum_radius: float = 20e3
     minimum_speed: float = 3.0
@@ -73,16 +88,37 @@ class OrbitSettings:
 
 @dataclass(frozen=True)
 class OrbitFix:
-    """An orbit, or the reason why there is none."""
+    """An orbit, or the reason why there is none; `final` if no shorter stretch can be one."""
 
     orbit: Orbit | None
     reason: str = ""
+    final: bool = False
 
 
 # Columns of the window.
-_TIME, _E, _N, _U, _VE, _VN, _SP, _SV, _COURSE = range(9)
+_TIME, _E, _N, _U, _VE, _VN, _SP, _SV, _COURSE, _STATED = range(10)
+# Of centre, radius, rate and phase in `Orbit.covariance`.
+_FITTED = np.ix_(*[[0, 1, 3, 4, 5]] * 2)
 # Windows tried in turn, over the whole one.
 _SHARES = (1.0, 0.75, 0.55)
+# Time for which a circle left early makes the next one need more evidence, in turns of it.
+_DOUBTFUL = 2.0
+# Time for which a circle is remembered once lost, in turns of it.
+_REMEMBERED = 0.25
+# Angle by which the course turned the other way, within the time before, for a figure of eight.
+_REVERSED = 0.35 * _TURN
+# Scatter seen, over that stated or assumed, from which it is believed instead.
+_NOISIER = 1.5
+# Excess of the residuals' variance over the stated one, in its standard deviations, from which
+# the track is taken to be off a circle, and for how much of a turn that lasts.
+_EXCESS = 3.0
+_EXCESS_TURN = 0.1
+# Mean square of the residuals beside a spiral, in those expected, below which it is just that.
+_CLEAN = 2.0
+# Mean of Huber's weight times squared residual over the mean weight, for normal errors; and what
+# the gain of the fit misses of the variance of Huber's estimate.
+_HUBER_VARIANCE = 0.856
+_HUBER_COST = 1.04
 
 
 class OrbitEstimator:
@@ -91,7 +127,7 @@ class OrbitEstimator:
     def __init__(self, settings: OrbitSettings | None = None):
         self._settings = settings or OrbitSettings()
         self._capacity = 4 * self._settings.most_samples
-        self._rows = np.empty((2 * self._capacity, 9))
+        self._rows = np.empty((2 * self._capacity, 10))
         self.reset()
 
     def reset(self) -> None:
@@ -99,6 +135,9 @@ class OrbitEstimator:
         self._first = self._end = 0
         self._rate = nan
         self._last: CircleFit | None = None
+        # The newest orbit, and until when one left early makes the next need more evidence [s].
+        self._orbit: Orbit | None = None
+        self._doubtful_until = -np.inf
 
     def add(
         self,
@@ -142,8 +181,11 @@ class OrbitEstimator:
         for part in self._candidates(rows, turned):
             fix = self._fit(part)
             if fix.orbit is not None:
+                self._orbit = fix.orbit
                 return fix
             reason = reason or fix.reason
+            if fix.final:
+                break
         return self._none(reason)
 
     def _candidates(self, rows: np.ndarray, turned: float):
@@ -163,9 +205,29 @@ class OrbitEstimator:
                 return
             yield part
 
+    def _least_arc(self, rows: np.ndarray, sense: int) -> float:
+        """Angle to be flown before a circle is an orbit, by what was flown before [rad]."""
+        s = self._settings
+        start, end = rows[0, _TIME], rows[-1, _TIME]
+        if self._orbit is not None:
+            return s.least_arc
+        if end < self._doubtful_until:
+            return s.confirming_arc
+        before = self._rows[self._first : self._end]
+        course = sense * before[before[:, _TIME] > start - 2.0 * (end - start), _COURSE]
+        reverse = np.max(np.maximum.accumulate(course) - course)
+        return s.confirming_arc if reverse > _REVERSED else s.least_arc
+
     def _none(self, reason: str) -> OrbitFix:
         self._last = None
         self._rate = nan
+        lost = self._orbit
+        if lost is not None and self._end > self._first:
+            turn = _TURN / lost.angular_rate
+            if self._rows[self._end - 1, _TIME] - lost.time > _REMEMBERED * turn:
+                if lost.arc < self._settings.confirming_arc:
+                    self._doubtful_until = lost.time + _DOUBTFUL * turn
+                self._orbit = None
         return OrbitFix(None, reason)
 
     def _append(self, time, position, velocity, position_sigma, velocity_sigma) -> None:
@@ -186,6 +248,7 @@ class OrbitEstimator:
         row[_SP] = max(stated, s.least_sigma)
         stated = velocity_sigma if isfinite(velocity_sigma) else s.velocity_sigma
         row[_SV] = max(stated, s.least_velocity_sigma)
+        row[_STATED] = isfinite(position_sigma)
         row[_COURSE] = self._course(row)
         self._end += 1
 
@@ -234,13 +297,10 @@ class OrbitEstimator:
 
     def _fit(self, rows: np.ndarray) -> OrbitFix:
         s = self._settings
-        points, velocities = rows[:, _E : _N + 1], rows[:, _VE : _VN + 1]
-        start = None if self._last is None else (self._last.center, self._last.radius)
-        fit = fit_circle(points, velocities, rows[:, _SP], rows[:, _SV], start)
-        if fit is None and start is not None:
-            fit = fit_circle(points, velocities, rows[:, _SP], rows[:, _SV])
+        fit, position_sigma, velocity_sigma = self._circle(rows)
         if fit is None:
             return OrbitFix(None, "the track is not a circle")
+        points, _ = _measured(rows)
         time = rows[:, _TIME]
         angle = np.empty(len(rows))
         continuous_angles(
@@ -249,24 +309,27 @@ class OrbitEstimator:
         arc = angle[-1] - angle[0]
         sense = 1 if arc > 0.0 else -1
         arc = abs(arc)
-        reason = self._objection(fit, rows, angle, arc, sense)
-        if reason:
-            return OrbitFix(None, reason)
+        sigma = float(np.sqrt(np.mean(position_sigma**2)))
+        objection = self._objection(fit, rows, angle, arc, sense, sigma)
+        if objection is not None:
+            return objection
         # In wind the rate varies once a turn. Over a whole turn that variation is fitted beside
         # the mean; over less it cannot be told from the mean, and the residuals' scatter says so.
-        rate, rate_variance = mean_rate(
-            time, angle, rows[:, _SP] / fit.radius, arc > 0.95 * _TURN
+        operators = np.zeros((2, len(rows)))
+        rate, excess = mean_rate(
+            time, angle, position_sigma / fit.radius, arc > 0.95 * _TURN, operators[0]
         )
         if not rate * sense > 0.0 or abs(rate) * fit.radius < s.minimum_speed:
             return OrbitFix(None, "the angle about the centre does not advance")
-        phase, phase_variance = _phase(time, angle, rows, fit, abs(rate))
+        phase = _phase(time, angle, position_sigma, abs(rate), operators[1])
         up, climb, up_variance = _height(time, rows)
         covariance = np.zeros((6, 6))
-        keep = np.array([0, 1, 3])
-        covariance[np.ix_(keep, keep)] = fit.covariance
-        covariance[2, 2] = up_variance
-        covariance[4, 4] = rate_variance
-        covariance[5, 5] = phase_variance
+        covariance[_FITTED] = self._covariance(
+            fit, rows, position_sigma, velocity_sigma, operators, abs(rate), excess
+        )
+        covariance[4] *= sense
+        covariance[:, 4] *= sense
+        covariance[2, 2] = up_variance + s.correlated_sigma**2
         self._last = fit
         self._rate = rate
         orbit = Orbit(
@@ -285,34 +348,113 @@ class OrbitEstimator:
         )
         return OrbitFix(orbit)
 
-    def _objection(self, fit: CircleFit, rows, angle, arc, sense) -> str:
-        """Why a fitted circle is not the orbit flown; empty if it is."""
+    def _circle(self, rows: np.ndarray):
+        """The fit, and the standard deviations of positions and velocities it was made with."""
+        points, velocities = _measured(rows)
+        position_sigma, velocity_sigma = rows[:, _SP], rows[:, _SV]
+        start = None if self._last is None else (self._last.center, self._last.radius)
+        fit = fit_circle(points, velocities, position_sigma, velocity_sigma, start)
+        if fit is None and start is not None:
+            fit = fit_circle(points, velocities, position_sigma, velocity_sigma)
+        if fit is None:
+            return None, position_sigma, velocity_sigma
+        # Noise is seen from sample to sample, whatever the shape of the track.
+        seen = scatter(fit.radial) / float(np.mean(position_sigma))
+        if seen > _NOISIER:
+            position_sigma = position_sigma * seen
+            turned = np.hypot(*velocities.T) * position_sigma / fit.radius
+            noisier = scatter(fit.along) / max(
+                float(np.sqrt(np.nanmean(velocity_sigma**2 + turned**2))), 1e-9
+            ) if np.isfinite(velocities[:, 0]).any() else 1.0
+            velocity_sigma = velocity_sigma * max(noisier, 1.0)
+            again = fit_circle(
+                points, velocities, position_sigma, velocity_sigma, (fit.center, fit.radius)
+            )
+            if again is not None:
+                fit = again
+        return fit, position_sigma, velocity_sigma
+
+    def _covariance(
+        self, fit, rows, position_sigma, velocity_sigma, operators, rate, excess
+    ) -> np.ndarray:
+        """Of centre, radius, rate and phase, (5, 5)."""
+        s = self._settings
+        points, velocities = _measured(rows)
+        position_variance = position_sigma**2
+        velocity_variance = (fit.late * velocity_sigma) ** 2
+        share = fit.weight[0] * position_variance
+        seen = share @ (fit.radial**2 / position_variance)
+        seen /= max(share.sum() - 3.0, 1.0) * _HUBER_VARIANCE
+        correlated = [s.correlated_sigma**2]
+        times = [s.noise_time]
+        off = 0.0
+        # Of a slowly varying error, the part that a straight course through it does not follow.
+        duration = rows[-1, _TIME] - rows[0, _TIME]
+        varying = s.correlated_sigma**2 * min(1.0, duration / (6.0 * s.noise_time))
+        expected = 1.0 + varying / float(np.mean(position_variance))
+        if not rows[:, _STATED].any():
+            # Nobody states the errors: they are what the residuals show.
+            position_variance = position_variance * seen
+            known = fit.weight[1] > 0.0
+            if known.any():
+                # The weights carry the variance, and the number of unknowns is shared.
+                squares = fit.weight[1][known] @ fit.along[known] ** 2
+                turned = np.sum(velocities[known] ** 2, axis=1) / fit.radius**2
+                assumed = velocity_variance[known] + fit.late**2 * turned * rows[known, _SP] ** 2
+                total = squares / (_HUBER_VARIANCE * float(np.sum(fit.weight[1][known] * assumed)))
+                own = total * assumed - turned * position_variance[known]
+                velocity_variance[known] = np.maximum(own, s.least_velocity_sigma**2)
+        elif seen > expected + _EXCESS * sqrt(2.0 / len(rows)):
+            off = (seen - expected) * float(np.mean(position_variance))
+        if off > 0.0:
+            correlated.append(off)
+            times.append(_EXCESS_TURN * _TURN / rate)
+        covariance = np.empty((5, 5))
+        propagate(
+            points, velocities, np.ascontiguousarray(rows[:, _TIME]), fit.circle, fit.weight,
+            fit.inverse, operators, position_variance, velocity_variance, np.array(correlated),
+            np.array(times), covariance,
+        )
+        covariance *= _HUBER_COST
+        more = sqrt(max(1.0, excess - expected + 1.0))
+        covariance[3] *= more
+        covariance[:, 3] *= more
+        return covariance
+
+    def _objection(self, fit: CircleFit, rows, angle, arc, sense, sigma) -> OrbitFix | None:
+        """Why a fitted circle is not the orbit flown; None if it is."""
         s = self._settings
         if not s.minimum_radius <= fit.radius <= s.maximum_radius:
-            return f"a radius of {fit.radius:.0f} m is no orbit"
-        if arc < s.least_arc:
-            return f"only {np.degrees(arc):.0f} deg of a circle so far"
-        sigma = float(np.sqrt(np.mean(rows[:, _SP] ** 2)))
+            return OrbitFix(None, f"a radius of {fit.radius:.0f} m is no orbit")
+        if arc < self._least_arc(rows, sense):
+            return OrbitFix(None, f"only {np.degrees(arc):.0f} deg of a circle so far")
         allowed = hypot(2.0 * sigma, s.residual_share * fit.radius)
         rms = float(np.sqrt(np.mean(np.minimum(np.abs(fit.radial), 10.0 * allowed) ** 2)))
         if rms > allowed:
-            return f"the track is {rms:.1f} m (rms) off the best circle of {fit.radius:.0f} m"
+            return OrbitFix(
+                None, f"the track is {rms:.1f} m (rms) off the best circle of {fit.radius:.0f} m"
+            )
         # The newest eighth of a turn must be on the circle: the aircraft may just be leaving it.
         off, count = newest_offset(fit.radial, angle, 0.08 * _TURN)
         if abs(off) > max(3.0 * sigma / sqrt(count), 1.0) + s.residual_share * fit.radius:
-            return f"the aircraft is {abs(off):.1f} m off the circle flown so far"
-        change = trend(fit.radial, angle)
-        noise = 4.0 * sigma / (sqrt(len(rows) / 12.0) * arc)
-        if abs(change) > s.trend_share * fit.radius + noise * _TURN:
-            return f"a spiral: the radius changes by {change:+.0f} m a turn"
+            return OrbitFix(None, f"the aircraft is {abs(off):.1f} m off the circle flown so far")
+        points, velocities = _measured(rows)
+        change, variance, clean = widening(
+            points, velocities, fit.circle, angle, fit.radial, fit.along, fit.weight
+        )
+        held = 1.0 - np.exp(-(rows[-1, _TIME] - rows[0, _TIME]) / s.noise_time)
+        variance += 2.0 * held * (s.correlated_sigma * _TURN / arc) ** 2
+        if abs(change) > s.trend_share * fit.radius + 2.0 * sqrt(variance):
+            spiral = f"a spiral: the radius changes by {change:+.0f} m a turn"
+            return OrbitFix(None, spiral, final=clean < _CLEAN)
         quiet = 3.0 * sqrt(2.0) * sigma / fit.radius
         back, newest, broken = progress(
             fit.radial, angle, rows[:, _TIME], sense, arc, 5.0 * allowed, quiet
         )
         # Over the newest steps together, noise does not hide which way the aircraft turns.
         if back > 0.1 or newest < -quiet:
-            return "the sense of rotation changes"
-        return "the track is broken" if broken else ""
+            return OrbitFix(None, "the sense of rotation changes")
+        return OrbitFix(None, "the track is broken") if broken else None
 
 
 def _newest(rows: np.ndarray, angle: float) -> np.ndarray:
@@ -321,14 +463,24 @@ def _newest(rows: np.ndarray, angle: float) -> np.ndarray:
     return rows[np.argmax(turned <= angle * 1.0001) :]
 
 
-def _phase(time, angle, rows, fit, rate) -> tuple[float, float]:
-    """Angle at the newest sample and its variance, from the newest part of the turn."""
+def _measured(rows) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities, (n, 2) each."""
+    return np.ascontiguousarray(rows[:, _E : _N + 1]), np.ascontiguousarray(rows[:, _VE : _VN + 1])
+
+
+def _phase(time, angle, sigma, rate, operator) -> float:
+    """Angle at the newest sample, from a line through the newest part of the turn.
+
+    operator : (n,) array of nought, written: takes the angles to the phase
+    """
     newest = time > time[-1] - 0.12 * _TURN / rate
     newest[-3:] = True
-    weight = (fit.radius / rows[newest, _SP]) ** 2
-    phase, _, variance, _, _ = line(time[newest] - time[-1], angle[newest], weight)
-    of_center = (fit.covariance[0, 0] + fit.covariance[1, 1]) / (2.0 * fit.radius**2)
-    return phase, variance * fit.inflation + of_center
+    t, weight = time[newest] - time[-1], 1.0 / sigma[newest] ** 2
+    weight = weight / weight.sum()
+    mean = weight @ t
+    spread = weight @ (t - mean) ** 2
+    operator[newest] = weight * (1.0 - mean * (t - mean) / spread) if spread > 0.0 else weight
+    return float(operator @ angle)
 
 
 def _height(time, rows) -> tuple[float, float, float]:

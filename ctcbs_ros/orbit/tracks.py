@@ -173,6 +173,26 @@ def fly(
     )
 
 
+def correlated_noise(time, sigma, correlation_time, rng):
+    """First-order Gauss-Markov error of three axes at given times, (n, 3).
+
+    Parameters
+    ----------
+    time : (n,) ndarray
+        [s]
+    sigma : float
+        Standard deviation of one axis.
+    correlation_time : float
+        Time in which the correlation falls to 1/e [s].
+    rng : numpy.random.Generator
+    """
+    noise = sigma * rng.standard_normal((len(time), 3))
+    kept = np.exp(-np.diff(time) / correlation_time)
+    for i, share in enumerate(kept, start=1):
+        noise[i] = share * noise[i - 1] + np.sqrt(1.0 - share**2) * noise[i]
+    return noise
+
+
 def random_circle(rng):
     """Radius 40 to 300 m, speed 15 to 60 m/s, bank below 60 degrees, either sense."""
     radius = 40.0 * (300.0 / 40.0) ** rng.random()

@@ -1,0 +1,77 @@
+"""The orbit estimator's bars: errors, stated errors, entry and departure, what is no orbit."""
+
+import json
+
+import numpy as np
+import pytest
+
+from ctcbs_ros.cli.main import main
+from ctcbs_ros.orbit import study
+from ctcbs_ros.orbit.tracks import correlated_noise
+
+
+@pytest.mark.parametrize("name", study.NOISES)
+def test_errors_are_within_the_bars_and_what_is_stated_of_them_holds(name):
+    found = {name: study.accuracy(study.NOISES[name], 100)}
+    turns = study.Turns(0, [0.0] * 3, [0.0] * 3, 0.0, 0.0)
+    assert study.missed_bars(found, turns, {}) == []
+
+
+def test_without_its_noise_model_a_correlated_error_would_be_understated():
+    noise = study.Noise(0.5, 0.3, correlated=2.0)
+    told = study.accuracy(noise, 60).covered["circle"]
+
+    class Untold(study.Noise):
+        settings = study.OrbitSettings()
+
+    untold = study.accuracy(Untold(0.5, 0.3, correlated=2.0), 60).covered["circle"]
+    assert told > 0.85
+    assert untold < 0.5
+
+
+def test_an_orbit_is_found_within_half_a_turn_and_given_up_within_a_quarter():
+    assert study.missed_bars({}, study.entry_and_departure(30), {}) == []
+
+
+@pytest.mark.parametrize("noise", ["white 5 m, 1 m/s, 20 % lost, not stated"])
+def test_noise_that_nobody_states_does_not_lose_the_orbit(noise):
+    assert study.entry_and_departure(25, study.NOISES[noise]).lost < 0.03
+
+
+@pytest.mark.parametrize("shape", [s for s in study.SHAPES if "radii" not in s])
+def test_other_tracks_are_no_orbit_but_where_they_are_half_a_circle(shape):
+    share = study.taken_for_orbits(shape, 10 if "20" in shape else 5)
+    turns = study.Turns(0, [0.0] * 3, [0.0] * 3, 0.0, 0.0)
+    assert study.missed_bars({}, turns, {shape: share}) == []
+
+
+def test_simulated_correlated_noise_has_its_deviation_and_correlation_time():
+    rng = np.random.default_rng(0)
+    noise = correlated_noise(np.arange(0.0, 40_000.0, 1.0), 2.0, 45.0, rng)
+    assert noise.std() == pytest.approx(2.0, rel=0.05)
+    lagged = np.mean(noise[45:] * noise[:-45]) / noise.var()
+    assert lagged == pytest.approx(np.exp(-1.0), abs=0.06)
+
+
+def test_missed_bars_are_told():
+    bad = study.Accuracy(1000, 100, 0.2, 0.0, 5.0, {"circle": 0.5})
+    turns = study.Turns(10, [0.6] * 3, [0.4] * 3, 0.1, 0.1)
+    missed = study.missed_bars({"white 1.5 m, 0.3 m/s": bad}, turns, {"straight leg": 0.2})
+    assert len(missed) == 8
+
+
+def test_the_command_prints_its_seeds_and_every_figure(capsys, monkeypatch):
+    # The others take long, and have tests of their own.
+    monkeypatch.setattr(study, "NOISES", dict(list(study.NOISES.items())[:2]))
+    monkeypatch.setattr(study, "SHAPES", dict(list(study.SHAPES.items())[:2]))
+    code = main(["orbit-study", "--runs", "20", "--json"])
+    report = json.loads(capsys.readouterr().out)
+    assert report["seeds"] == study.SEEDS
+    assert list(report["accuracy"]) == list(study.NOISES)
+    assert list(report["taken_for_orbits"]) == list(study.SHAPES)
+    assert code == (1 if report["missed_bars"] else 0)
+
+
+@pytest.mark.slow
+def test_all_bars_hold_in_a_thousand_runs(capsys):
+    assert main(["orbit-study"]) == 0, capsys.readouterr().out
