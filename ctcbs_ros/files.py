@@ -10,6 +10,36 @@ from typing import IO
 from ctcbs_ros.errors import InputError
 
 
+def writable(path: str | Path) -> None:
+    """Refuse a file that cannot be written, before anything long is computed.
+
+    Parameters
+    ----------
+    path : str or Path
+        In a folder that is there; where it is something already, a plain file.
+
+    Raises
+    ------
+    InputError
+        If the folder is not there or lets nothing be written, or `path` is no plain file.
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: cannot be written: there is no folder {path.parent}")
+    _refuse_device(path)
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def _refuse_device(path: Path) -> None:
+    """A folder cannot be replaced by a file, and a device must not be."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: cannot be written: it is no file")
+
+
 @contextmanager
 def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
     """Open a file for writing that replaces `path` when the block ends well, and else is gone.
@@ -27,6 +57,7 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO]:
         If the file cannot be written.
     """
     path = Path(path)
+    _refuse_device(path)
     name = None
     text = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
     try:

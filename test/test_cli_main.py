@@ -9,6 +9,8 @@ import pytest
 
 from ctcbs_ros import __version__
 from ctcbs_ros.cli.main import main
+from ctcbs_ros.errors import InputError
+from ctcbs_ros.files import atomic_file, writable
 
 STEADY = "steady --omega 1 --length 3 --end-mass 50 --cable-drag 10 --drag-ratio 1".split()
 
@@ -56,9 +58,12 @@ def test_help_waits_for_no_compiler():
 @pytest.mark.parametrize(
     "arguments", [[], ["fly"], ["steady", "--omega", "fast"], ["replay"], ["table"]]
 )
-def test_wrong_usage_ends_with_2(capsys, arguments):
+def test_wrong_usage_is_one_line_and_ends_with_2(capsys, arguments):
     assert exit_code(*arguments) == 2
-    assert "usage: ctcbs" in capsys.readouterr().err
+    (line,) = capsys.readouterr().err.splitlines()
+    program = " ".join(["ctcbs", *arguments[:1]]) if arguments != ["fly"] else "ctcbs"
+    assert line.startswith(f"{program}: error: ")
+    assert line.endswith(f"; see {program} --help")
 
 
 def test_bad_input_is_one_line_on_stderr_and_ends_with_2(capsys):
@@ -68,6 +73,47 @@ def test_bad_input_is_one_line_on_stderr_and_ends_with_2(capsys):
     (line,) = shown.err.splitlines()
     assert line.startswith("ctcbs: error: ")
     assert "--length" in line
+
+
+NOT_DIMENSIONAL = "--length 3 --end-mass 50 --cable-drag 5 --drag-ratio 1".split()
+BRANCH = ["branch", "--vary", "omega", "--from", "0.5", "--to", "1", *NOT_DIMENSIONAL]
+WRITERS = {
+    "table build": ["table", "build", "small_drone", "-o"],
+    "branch --csv": [*BRANCH, "--csv"],
+    "branch --plot": [*BRANCH, "--plot"],
+    "design": ["design", "small_drone", "--report"],
+    "bench": ["bench", "--out"],
+    "bench --plot": ["bench", "--plot"],
+}
+
+
+@pytest.mark.parametrize("arguments", WRITERS.values(), ids=WRITERS)
+@pytest.mark.parametrize("where", ["new/file.png", "file/inside.png", "folder.png"])
+def test_a_file_that_cannot_be_written_is_refused_before_the_work(
+    arguments, where, tmp_path, capsys, monkeypatch
+):
+    # The work begins with one of these.
+    monkeypatch.setattr("ctcbs_ros.worker_pool.worker_pool", None)
+    monkeypatch.setattr("ctcbs_ros.solver.diagram.diagram", None)
+    monkeypatch.setattr("ctcbs_ros.bench.run.measure", None)
+    monkeypatch.setattr("ctcbs_ros.bench.cost.plot_costs", None)
+    (tmp_path / "file").touch()
+    (tmp_path / "folder.png").mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    assert main([*arguments, str(tmp_path / where)]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    (line,) = shown.err.splitlines()
+    assert f"{tmp_path / where}: cannot be written" in line
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_device_is_not_replaced_by_a_file():
+    with pytest.raises(InputError, match="no file"):
+        writable("/dev/null")
+    with pytest.raises(InputError, match="no file"), atomic_file("/dev/null") as file:
+        file.write("")
+    assert not os.path.isfile("/dev/null")
 
 
 def test_reader_that_goes_away_is_no_error():

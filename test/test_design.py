@@ -423,7 +423,7 @@ class Page(HTMLParser):
 
 
 def test_report_is_one_valid_page_that_needs_nothing_else(tmp_path, weak):
-    file = tmp_path / "new" / "report.html"
+    file = tmp_path / "report.html"
     write_report(file, weak)
     raw = file.read_text(encoding="utf-8")
     page = Page(raw)

@@ -1,8 +1,9 @@
-"""The table's file: whole or not at all, and refused with the command that rebuilds it."""
+"""The table's file: whole or not at all, and refused with the command that builds one."""
 
 import json
 import os
 import pickle
+import shlex
 import signal
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.table import provide, storage
 from ctcbs_ros.table.build import build_table
-from ctcbs_ros.table.storage import load_table, read_header, save_table, writable
+from ctcbs_ros.table.storage import load_table, read_header, save_table
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
@@ -51,13 +52,21 @@ def equal(one, other):
 
 
 def refused(path, configuration, *words):
-    """The message of the refusal: one line that names the file and the command to build it."""
+    """The message of the refusal: one line that names the file, and the command to build another.
+
+    What is there is the user's: following the advice never writes over it.
+    """
     with pytest.raises(InputError) as error:
         load_table(path, configuration)
     message = str(error.value)
     assert "\n" not in message
     assert str(path) in message
-    assert f"ctcbs table build {configuration.source} -o {path}" in message
+    (advised,) = shlex.split(
+        message.partition(f"ctcbs table build {configuration.source} -o ")[2]
+    )
+    assert advised.endswith(".npz")
+    assert not os.path.lexists(advised)
+    assert Path(advised).parent == path.parent
     for word in words:
         assert word in message
     return message
@@ -203,13 +212,14 @@ def test_a_failing_write_leaves_the_old_file_and_nothing_else(
     assert [p.name for p in file.parent.iterdir()] == [file.name]
 
 
-def test_a_path_that_cannot_be_written_is_refused_before_the_work(tmp_path, file):
-    for path in (tmp_path, file / "inside.npz", tmp_path / "new" / "folder" / ".." / file.name):
-        if path.parent.name == "..":
-            writable(path)
-            continue
-        with pytest.raises(InputError, match="cannot be written"):
-            writable(path)
+def test_the_advised_file_is_another_where_one_is_there(tmp_path, configuration):
+    absent = tmp_path / "absent.npz"
+    assert refused(absent, configuration).endswith(f" -o {absent}")
+    log = tmp_path / "my flight.tlog"
+    log.write_bytes(b"a log")
+    assert refused(log, configuration).endswith(f" -o '{tmp_path / 'my flight.npz'}'")
+    (tmp_path / "my flight.npz").write_bytes(b"another")
+    assert refused(log, configuration).endswith(f" -o '{tmp_path / 'my flight_2.npz'}'")
 
 
 def test_the_cache_keeps_a_table_and_builds_a_damaged_one_again(
@@ -277,7 +287,7 @@ def test_the_command_describes_a_table_and_refuses_a_damaged_one(file):
 
 @pytest.mark.slow
 def test_the_command_builds_a_table(configuration, tmp_path):
-    path = tmp_path / "new" / "table.npz"
+    path = tmp_path / "table.npz"
     built = ctcbs("table", "build", configuration.source, "-o", path)
     assert built.returncode == 0, built.stderr
     assert load_table(path, configuration).count.shape == (33, 33)

@@ -6,7 +6,7 @@ import sys
 from contextlib import nullcontext
 
 from ctcbs_ros.cli.output import print_json
-from ctcbs_ros.files import atomic_file
+from ctcbs_ros.files import atomic_file, writable
 
 
 def add_parser(subparsers) -> None:
@@ -33,6 +33,8 @@ def add_parser(subparsers) -> None:
 
 def run(args) -> int:
     """Measure, print, write and compare."""
+    for path in filter(None, (args.out, args.plot)):
+        writable(path)
     if args.plot:
         from ctcbs_ros.bench.cost import plot_costs
 

@@ -8,7 +8,7 @@ from math import log
 from ctcbs_ros.cli.output import print_json
 from ctcbs_ros.cli.steady import add_flight, add_nondimensional, flight_from, parameters_from
 from ctcbs_ros.errors import InputError
-from ctcbs_ros.files import atomic_file
+from ctcbs_ros.files import atomic_file, writable
 
 _SI = {"radius": "radius_m", "speed": "speed_m_s", "cable-length": "cable_length_m"}
 _PICTURES = (".png", ".pdf", ".svg")
@@ -43,6 +43,8 @@ def run(args) -> int:
     """Trace, and print as JSON or as a table."""
     if args.plot and not args.plot.endswith(_PICTURES):
         raise InputError(f"--plot {args.plot}: must end in {', '.join(_PICTURES)}")
+    for path in filter(None, (args.csv, args.plot)):
+        writable(path)
     from ctcbs_ros.solver.diagram import diagram, first_minimum
 
     parameters, family, value, name = _problem(args)

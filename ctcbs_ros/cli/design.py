@@ -61,7 +61,7 @@ def run(args) -> int:
     from ctcbs_ros.design.record import design_record
     from ctcbs_ros.design.report import write_report
     from ctcbs_ros.design.text import design_text
-    from ctcbs_ros.table.storage import writable
+    from ctcbs_ros.files import writable
     from ctcbs_ros.worker_pool import worker_pool
 
     configuration = load_configuration(args.config, args.settings)

@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 from ctcbs_ros import __version__
 from ctcbs_ros.errors import InputError
@@ -53,6 +54,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         signal.signal(signal.SIGINT, before)
 
 
+class _Parser(argparse.ArgumentParser):
+    """Tells wrong usage in one line, as any other bad input, instead of the whole usage."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: error: {message}; see {self.prog} --help\n")
+
+
 def _parser() -> argparse.ArgumentParser:
     # Here, because these imports take a second, in which an interrupt is to end like any other.
     from ctcbs_ros.cli import (
@@ -69,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
         table,
     )
 
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         "ctcbs",
         description="Prediction of the end mass of a cable towed by a circling aircraft.",
     )

@@ -22,8 +22,9 @@ def add_parser(subparsers) -> None:
 def run_build(args) -> int:
     """Build a table and write it."""
     from ctcbs_ros.configuration import load_configuration
+    from ctcbs_ros.files import writable
     from ctcbs_ros.table.build import build_table
-    from ctcbs_ros.table.storage import save_table, writable
+    from ctcbs_ros.table.storage import save_table
 
     configuration = load_configuration(args.config)
     writable(args.output)

@@ -50,7 +50,7 @@ def write_report(path: str | Path, design: Design) -> None:
     Parameters
     ----------
     path : str or Path
-        Folders that are not there are made.
+        In a folder that is there.
     design : Design
 
     Raises
@@ -59,8 +59,6 @@ def write_report(path: str | Path, design: Design) -> None:
         If the file cannot be written.
     """
     content = report(design)
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_file(path) as file:
         file.write(content)
 
@@ -131,7 +129,8 @@ def _image(content: bytes, meaning: str) -> str:
 def _limits(design: Design) -> str:
     rows = []
     for limit in design.limits:
-        verdict = "met" if limit.good else f"violated by {limit.violated} of {limit.judged}"
+        # Not "met": a limit named UNSTABLE that is met reads like its opposite.
+        verdict = "OK" if limit.good else f"NOT OK: {limit.violated} of {limit.judged}"
         if limit.limit == inf:
             verdict = "not judged"
         used = f"{limit.use:.0%}" if 0.0 < limit.use < 100.0 and isfinite(limit.limit) else ""
@@ -145,8 +144,8 @@ def _remedies(design: Design) -> str:
     parts = []
     if design.straight_deployment_helps:
         parts.append(
-            "<p>The cable paid out in straight flight, and the circle tightened then, meets "
-            "everything on the way (<code>--deploy straight</code>).</p>"
+            "<p>The cable paid out in straight flight, and the circle tightened then, is "
+            "good all the way (<code>--deploy straight</code>).</p>"
         )
     if found:
         parts.append(

@@ -1,10 +1,12 @@
 """The table on disk: one npz file without pickle, written whole or not at all.
 
 Whatever is not exactly a table of this version and of this configuration is refused, with the
-command that rebuilds it.
+command that builds one, into another file.
 """
 
+import itertools
 import os
+import shlex
 import struct
 import zipfile
 import zlib
@@ -57,16 +59,6 @@ def save_table(table: Table, configuration: Configuration, path: str | Path) -> 
         )
 
 
-def writable(path: str | Path) -> None:
-    """Refuse a path that cannot be written before anything long is computed."""
-    path = Path(path)
-    folder = path.parent
-    while not os.path.exists(folder):
-        folder = folder.parent
-    if os.path.isdir(path) or not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        raise InputError(f"{path}: cannot be written; name a file in a folder of yours")
-
-
 def read_header(path: str | Path) -> dict:
     """Format version, configuration hash and source of a file that `load_table` takes."""
     content = _read(Path(path), "CONFIG")
@@ -90,7 +82,7 @@ def load_table(path: str | Path, configuration: Configuration | None = None) -> 
     ------
     InputError
         If the file is absent, truncated, corrupt, of another format version or of another
-        configuration; the message names the command that rebuilds it.
+        configuration; the message names the command that builds one.
     """
     path = Path(path)
     config = "CONFIG"
@@ -111,7 +103,15 @@ def load_table(path: str | Path, configuration: Configuration | None = None) -> 
 
 
 def _rebuild(path: Path, config: str) -> str:
-    return f"build it with: ctcbs table build {config} -o {path}"
+    """The command that builds the table, into a file that is not there: what lies at `path` may be
+    another aircraft's table, or no table at all, and is the user's.
+    """
+    new = path if path.suffix == ".npz" else path.with_suffix(".npz")
+    for number in itertools.count(2):
+        if not os.path.lexists(new):
+            break
+        new = path.with_name(f"{path.stem}_{number}.npz")
+    return f"build one with: ctcbs table build {shlex.quote(config)} -o {shlex.quote(str(new))}"
 
 
 def _read(path: Path, config: str) -> dict:
