@@ -100,7 +100,7 @@ def simulate_flight(
     """
     _require("radius", radius, "m", low=0.0)
     _require("speed", speed, "m/s", low=0.0)
-    _require("turns", turns, "turns", low=0.0, high=MOST_TURNS)
+    _require("turns", turns, "", low=0.0, high=MOST_TURNS)
     _require("height", height, "m", low=-500.0, high=20_000.0)
     _require("rate", rate, "Hz", *RATES)
     wind = np.array(wind, float)
@@ -252,4 +252,4 @@ def _require(name, value, unit, low, high=float("inf")):
     """Refuse a number not above `low`, or above `high`."""
     if not (isfinite(value) and low < value <= high):
         upper = f" and at most {high:g}" if isfinite(high) else ""
-        raise InputError(f"{name} {value:g} {unit}: must be above {low:g}{upper}")
+        raise InputError(f"{name} {value:g} {unit}".rstrip() + f": must be above {low:g}{upper}")

@@ -146,7 +146,32 @@ def test_every_code_has_an_explanation():
 
 def test_text_of_a_flight_without_orbit_says_so(replay):
     nothing = replay[1] | {"wall_s": 1.0, "orbits": [], "skipped": {}, "warnings": {}}
-    assert "No orbit was flown." in summary_text(nothing)
+    assert "No orbit of 0.9 turns or more was flown; the predictions are of shorter arcs." in (
+        summary_text(nothing)
+    )
+    assert "turns or more was flown." in summary_text(nothing | {"predictions": 0})
+
+
+@pytest.mark.parametrize(
+    ("seen", "said"),
+    [
+        (0, "wind is not known; the"), (7, "there is wind; the"),
+        (3, "there is wind (3), or it is not known (4); the"),
+    ],
+)  # fmt: skip
+def test_text_of_the_summary_tells_wind_that_is_seen_from_wind_that_is_not_known(
+    replay, seen, said
+):
+    windy = replay[1] | {"wall_s": 1.0, "warnings": {"WIND_UNMODELLED": 7}, "wind_seen": seen}
+    assert f"WIND_UNMODELLED     {said} prediction is for still air" in summary_text(windy)
+
+
+def test_text_of_the_summary_counts_one_and_many(replay):
+    link = replay[1]["link"] | {"lost": 1, "bad_bytes": 2, "bad_runs": 1}
+    link["time_steps"] = {"reboot": 1, "wrap": 2}
+    text = summary_text(replay[1] | {"wall_s": 1.0, "link": link})
+    assert "; 1 message lost, 2 damaged bytes in 1 place, " in text
+    assert "2 wraps of the vehicle's clock, 1 reboot\n" in text
 
 
 # --- records ------------------------------------------------------------------------------------

@@ -110,7 +110,7 @@ def test_radius_changes_smoothly_at_a_flyable_bank(new_radius):
         ({"radius": 6.0}, r"bank of 8\d deg"),
         ({"speed": 0.0}, "speed 0"),
         ({"speed": float("inf")}, "speed inf"),
-        ({"turns": 0.0}, "turns 0"),
+        ({"turns": -6.0}, "^turns -6: must be above 0"),
         ({"rate": 0.0}, "rate 0"),
         ({"height": float("nan")}, "height nan"),
         ({"wind": (12.0, 16.0)}, "wind 20 m/s.*less than the airspeed"),

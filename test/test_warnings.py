@@ -12,7 +12,9 @@ from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Level, SkipCode, WarningCode
 from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.prediction.tally import Tally
 from ctcbs_ros.prediction.warnings import (
+    WIND_NOT_KNOWN,
     end_mass_warnings,
     skip_warnings,
     tracking_warnings,
@@ -174,6 +176,30 @@ def test_tension_is_judged_against_the_fraction_of_the_breaking_tension(end_mass
     assert of_end_mass(end_mass, limits, unknown, greatest_tension=1e6) == set()
 
 
+def texts_of(end_mass, **changed):
+    state = replace(end_mass.state, **{k: v for k, v in changed.items() if "tension" in k})
+    rest = {k: v for k, v in changed.items() if "tension" not in k}
+    cable = replace(DRONE.cable, breaking_tension=100.0)
+    changed = replace(end_mass, state=state, **rest)
+    limits = limited(tension_fraction=0.5, minimum_height=20.0)
+    return [w.text for w in end_mass_warnings(changed, cable, limits)]
+
+
+def test_tension_beyond_breaking_and_a_mass_below_ground_are_said_to_be_so(end_mass):
+    assert texts_of(end_mass, greatest_tension=99.0) == [
+        "tension 99.0 N is above 50% of the breaking tension 100 N"
+    ]
+    assert texts_of(end_mass, greatest_tension=101.0) == [
+        "tension 101.0 N is above the breaking tension 100 N"
+    ]
+    assert texts_of(end_mass, height_above_home=12.0) == [
+        "end mass 12 m above home (limit 20 m above)"
+    ]
+    assert texts_of(end_mass, height_above_home=-12.0) == [
+        "end mass 12 m BELOW home (limit 20 m above)"
+    ]
+
+
 def test_a_cable_overloaded_only_between_its_ends_is_warned_of():
     for share, warned in ((0.85, True), (1.1, False)):
         configuration, speed = taut_inside(share)
@@ -212,8 +238,17 @@ def test_wind_is_told_from_the_ground_speed(speed, windy):
     assert all("varies by" in text for text in texts)
 
 
+def test_samples_with_wind_are_counted_apart_from_those_where_it_is_not_known(calm):
+    windy = Tally()
+    for prediction in calm[:10]:
+        for variation in (nan, 0.01, 0.2, 0.3):
+            windy.add(replace(prediction, warnings=tuple(wind_warnings(variation))))
+    assert windy.as_dict()["warnings"] == {"WIND_UNMODELLED": 30}
+    assert windy.as_dict()["wind_seen"] == 20
+
+
 def test_wind_is_said_to_be_unknown_until_it_can_be_seen():
     (warning,) = wind_warnings(nan)
-    assert "not known" in warning.text
+    assert warning.text == WIND_NOT_KNOWN
     flown = [p for p in predict(samples_of(FLIGHT, velocities=False)) if p.valid]
     assert all(WarningCode.WIND_UNMODELLED in codes(p) for p in flown)

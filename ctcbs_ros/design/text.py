@@ -244,8 +244,8 @@ def remedy_lines(design: Design) -> Iterator[str]:
     """The remedies found, then what was tried in vain."""
     if design.straight_deployment_helps:
         yield (
-            "deploy in straight flight, then tighten the circle: meets everything on the way"
-            f"{'' if design.evaluation.envelope_good else ', though the envelope does not'}"
+            "deploy in straight flight, then tighten the circle: good all the way"
+            f"{'' if design.evaluation.envelope_good else ', though the envelope is not'}"
             "  --deploy straight"
         )
     found = [remedy for remedy in design.remedies if remedy.found]

@@ -16,7 +16,7 @@ _LASTS = 0.5 * pi
 # Distance from the circle, over the radius, within which the aircraft is joining it.
 _JOINING = 0.25
 # Less than this is a turn, not an orbit [turns].
-_LEAST_TURNS = 0.9
+LEAST_TURNS = 0.9
 # Bounds of the memory: samples kept for backdating, and orbits kept of one circle.
 _LONGEST_TRACK = 5_000
 _MOST_SAMPLED = 2_000
@@ -114,7 +114,7 @@ class OrbitSegments:
             angle -= rate * (self._done[-1].end_time - start)
             start = self._done[-1].end_time
         turns = angle / (2.0 * pi)
-        if turns < _LEAST_TURNS:
+        if turns < LEAST_TURNS:
             return
         self._done.append(
             OrbitSegment(

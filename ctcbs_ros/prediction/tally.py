@@ -3,7 +3,9 @@
 from collections import Counter
 from typing import Any
 
+from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.prediction import Prediction
+from ctcbs_ros.prediction.warnings import WIND_NOT_KNOWN
 
 
 class Tally:
@@ -15,6 +17,8 @@ class Tally:
         Samples taken in, and the valid predictions among what they gave.
     skipped, warnings : Counter
         Samples not used by skip code, and predictions with each warning by warning code.
+    wind_seen : int
+        Predictions whose WIND_UNMODELLED says that there is wind, not that it is not known.
     """
 
     def __init__(self):
@@ -22,6 +26,7 @@ class Tally:
         self.predictions = 0
         self.skipped: Counter[str] = Counter()
         self.warnings: Counter[str] = Counter()
+        self.wind_seen = 0
 
     def add(self, prediction: Prediction) -> None:
         """Take in the prediction of one more sample."""
@@ -30,6 +35,10 @@ class Tally:
         if prediction.skip is not None:
             self.skipped[prediction.skip.value] += 1
         self.warnings.update({warning.code.value for warning in prediction.warnings})
+        self.wind_seen += any(
+            warning.code is WarningCode.WIND_UNMODELLED and warning.text != WIND_NOT_KNOWN
+            for warning in prediction.warnings
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """The counts as the summary has them."""
@@ -38,4 +47,5 @@ class Tally:
             "predictions": self.predictions,
             "skipped": dict(self.skipped),
             "warnings": dict(self.warnings),
+            "wind_seen": self.wind_seen,
         }

@@ -10,6 +10,7 @@ from ctcbs_ros.prediction.prediction import EndMass
 
 # Unevenness of the ground speed along a circle, over its mean, that only wind explains.
 WIND_VARIATION = 0.05
+WIND_NOT_KNOWN = "wind is not known; the prediction is for still air"
 
 _BAD_FIX = (SkipCode.BAD_FIX, SkipCode.NOT_FINITE, SkipCode.JUMP, SkipCode.FROZEN)
 
@@ -70,12 +71,7 @@ def wind_warnings(variation: float) -> list[Warning]:
         Amplitude of the ground speed over its mean; nan if unknown.
     """
     if not isfinite(variation):
-        return [
-            _warn(
-                WarningCode.WIND_UNMODELLED,
-                "wind is not known; the prediction is for still air",
-            )
-        ]
+        return [_warn(WarningCode.WIND_UNMODELLED, WIND_NOT_KNOWN)]
     if variation <= WIND_VARIATION:
         return []
     return [
@@ -147,20 +143,23 @@ def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) ->
         found.append(_warn(WarningCode.NEAR_JUMP, f"jump at {where} {onto}"))
     limit = limits.tension_fraction * cable.breaking_tension
     if state.greatest_tension > limit:
+        breaking = f"the breaking tension {cable.breaking_tension:g} N"
+        if state.greatest_tension <= cable.breaking_tension:
+            breaking = f"{limits.tension_fraction:.0%} of {breaking}"
         found.append(
             _error(
                 WarningCode.TENSION_LIMIT,
-                f"tension {state.greatest_tension:.1f} N is above {limits.tension_fraction:.0%} "
-                f"of the breaking tension {cable.breaking_tension:g} N",
+                f"tension {state.greatest_tension:.1f} N is above {breaking}",
             )
         )
-    if end_mass.height_above_home < limits.minimum_height:
+    height = end_mass.height_above_home
+    if height < limits.minimum_height:
         ground = "home" if not isfinite(limits.ground_level_amsl) else "the ground"
         found.append(
             _error(
                 WarningCode.GROUND_PROXIMITY,
-                f"end mass {end_mass.height_above_home:.0f} m above {ground} "
-                f"(limit {limits.minimum_height:g} m)",
+                f"end mass {abs(height):.0f} m {'above' if height >= 0.0 else 'BELOW'} {ground} "
+                f"(limit {limits.minimum_height:g} m above)",
             )
         )
     return found

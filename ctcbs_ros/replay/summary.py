@@ -59,7 +59,8 @@ class Summary:
         Returns
         -------
         dict
-            samples, predictions, skipped, warnings, and orbits: for each its start and end in
+            samples, predictions, skipped, warnings, wind_seen (of the samples warned of wind,
+            those where there is some), and orbits: for each its start and end in
             seconds after the first believed sample, turns, radius, speed, sense, centre, and the
             end mass's radius, depth and margin, which are None where no state was found; flights
             counts the boots of the vehicle that gave believed samples.

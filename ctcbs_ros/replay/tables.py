@@ -92,7 +92,8 @@ class ReplayTables:
             self._first_time = record["vehicle_time_s"]
         row = record | {
             "time_s": self._since_first(record["vehicle_time_s"]),
-            "warnings": _joined(warning["code"] for warning in record["warnings"]),
+            # Radius and speed can both be outside the envelope: one code, once.
+            "warnings": _joined(dict.fromkeys(w["code"] for w in record["warnings"])),
         }
         self._samples.writerow(row)
         if record["valid"]:

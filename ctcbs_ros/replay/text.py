@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
+from ctcbs_ros.orbit.segments import LEAST_TURNS
 from ctcbs_ros.prediction.codes import SkipCode, WarningCode
 
 SKIPS = {
@@ -25,9 +26,9 @@ WARNINGS = {
     WarningCode.JUMPED: "the end mass has jumped to another steady state",
     WarningCode.UNSTABLE: "the steady state is unstable",
     WarningCode.LOW_MARGIN: "disturbances decay slowly",
-    WarningCode.TENSION_LIMIT: "the cable's tension is near its breaking tension",
-    WarningCode.GROUND_PROXIMITY: "the end mass is near the ground",
-    WarningCode.WIND_UNMODELLED: "wind is seen, or not known yet; the prediction is for still air",
+    WarningCode.TENSION_LIMIT: "tension above the allowed share of the breaking tension",
+    WarningCode.GROUND_PROXIMITY: "the end mass is below the least height allowed",
+    WarningCode.WIND_UNMODELLED: "the prediction is for still air",
 }
 SENSES = {"cw": "clockwise", "ccw": "anticlockwise"}
 
@@ -46,17 +47,17 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
             f"component {vehicle['component']}"
         )
     yield (
-        f"{summary['samples']} samples, {skipped} of them skipped; "
-        f"{summary['predictions']} predictions in {summary['wall_s']:.1f} s"
+        f"{_counted(summary['samples'], 'sample')}, {skipped} of them skipped; "
+        f"{_counted(summary['predictions'], 'prediction')} in {summary['wall_s']:.1f} s"
     )
     yield from _link_lines(summary)
     yield ""
-    yield from _orbit_lines(summary["orbits"])
-    yield from _count_lines(
-        "Warnings (samples with each)",
-        summary["warnings"],
-        {code.value: text for code, text in WARNINGS.items()},
-    )
+    yield from _orbit_lines(summary["orbits"], summary["predictions"])
+    texts = {code.value: text for code, text in WARNINGS.items()}
+    wind = WarningCode.WIND_UNMODELLED
+    seen, all_told = summary["wind_seen"], summary["warnings"].get(wind.value, 0)
+    texts[wind.value] = f"{_wind(seen, all_told - seen)}; {WARNINGS[wind]}"
+    yield from _count_lines("Warnings (samples with each)", summary["warnings"], texts)
     yield from _count_lines(
         "Skipped samples",
         summary["skipped"],
@@ -67,21 +68,32 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
 def _link_lines(summary: dict[str, Any]) -> Iterator[str]:
     link = summary["link"]
     facts = [
-        (link["lost"], "messages lost"),
-        (link["bad_bytes"], f"damaged bytes in {link['bad_runs']} places"),
-        (link["other_positions"], "positions of other vehicles"),
-        (link["time_steps"].get("wrap"), "wraps of the vehicle's clock"),
-        (link["time_steps"].get("reboot"), "reboots"),
-        (link["time_steps"].get("jump"), "jumps of the vehicle's clock"),
+        (link["lost"], "message", " lost"),
+        (link["bad_bytes"], "damaged byte", f" in {_counted(link['bad_runs'], 'place')}"),
+        (link["other_positions"], "position", " of other vehicles"),
+        (link["time_steps"].get("wrap"), "wrap", " of the vehicle's clock"),
+        (link["time_steps"].get("reboot"), "reboot", ""),
+        (link["time_steps"].get("jump"), "jump", " of the vehicle's clock"),
     ]
-    told = [f"{count} {text}" for count, text in facts if count]
+    told = [_counted(count, noun) + more for count, noun, more in facts if count]
     if told:
-        yield f"Link: {link['messages']} messages; " + ", ".join(told)
+        yield f"Link: {_counted(link['messages'], 'message')}; " + ", ".join(told)
 
 
-def _orbit_lines(orbits: list[dict[str, Any]]) -> Iterator[str]:
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def _wind(seen: int, unknown: int) -> str:
+    if seen and unknown:
+        return f"there is wind ({seen}), or it is not known ({unknown})"
+    return "there is wind" if seen else "wind is not known"
+
+
+def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str]:
     if not orbits:
-        yield "No orbit was flown."
+        shorter = "; the predictions are of shorter arcs" if predictions else ""
+        yield f"No orbit of {LEAST_TURNS:g} turns or more was flown{shorter}."
         return
     yield (
         "orbit   from s     to s  turns  radius m  speed m/s  sense          "
