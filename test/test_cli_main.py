@@ -66,6 +66,13 @@ def test_wrong_usage_is_one_line_and_ends_with_2(capsys, arguments):
     assert line.endswith(f"; see {program} --help")
 
 
+@pytest.mark.parametrize("value", ["fast", "-1", "nan", "1001"])
+def test_a_number_out_of_its_range_is_refused_with_the_range(capsys, value):
+    assert exit_code("replay", "a.tlog", "--config", "small_drone", f"--rate={value}") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"argument --rate: '{value}': must be a number from 0 to 1000;" in line
+
+
 def test_bad_input_is_one_line_on_stderr_and_ends_with_2(capsys):
     assert main(["steady", "--omega", "1"]) == 2
     shown = capsys.readouterr()

@@ -283,6 +283,8 @@ def test_interrupted_replay_leaves_no_files_and_no_traceback(
     process.send_signal(number)
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 128 + number
+    said = "interrupted" if number == signal.SIGINT else "terminated (SIGTERM)"
+    assert errors.splitlines()[-1] == f"ctcbs: {said}"
     assert "Traceback" not in errors
     assert list(tmp_path.iterdir()) == []
 

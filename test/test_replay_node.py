@@ -129,7 +129,7 @@ def test_node_that_dies_is_told_in_one_line(drone_log, drone_table, tmp_path):
     os.kill(children(process)[0], signal.SIGKILL)
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 1
-    assert errors.splitlines()[-1].startswith("ctcbs: error: the node ended with -9")
+    assert errors.splitlines()[-1].startswith("ctcbs: error: the node ended by SIGKILL: ")
     assert "Traceback" not in errors
     assert list(tmp_path.iterdir()) == []
 

@@ -1,10 +1,10 @@
 """`ctcbs bench`: speed and memory, each figure beside what people would use instead."""
 
-import argparse
 import json
 import sys
 from contextlib import nullcontext
 
+from ctcbs_ros.cli.numbers import number
 from ctcbs_ros.cli.output import print_json
 from ctcbs_ros.files import atomic_file, writable
 
@@ -24,7 +24,7 @@ def add_parser(subparsers) -> None:
     add("--only", metavar="ROW,...", help="only these rows")
     add("--quick", action="store_true", help="fewer rounds, without table-build and the node")
     add(
-        "--points", type=_points, default=40, metavar="N",
+        "--points", type=number(int, 3, 100_000), default=40, metavar="N",
         help="random points of row all-states; default 40, 1000 take some minutes",
     )
     add("--plot", metavar="FILE", help="draw error and cost against size instead (PNG, PDF, SVG)")
@@ -82,12 +82,3 @@ def _print_comparison(report: dict, path: str | None) -> None:
         mark = "  SLOWER" if change["slower"] else ""
         print(f"  {change['row']:<14}{change['factor']:6.2f}  by {change['by']}{mark}")
     sys.stdout.flush()
-
-
-def _points(text: str) -> int:
-    number = int(text)
-    if not 3 <= number <= 100_000:
-        raise argparse.ArgumentTypeError(f"{text}: must be from 3 to 100000")
-    return number
-
-

@@ -19,6 +19,10 @@ class Interrupted(KeyboardInterrupt):
     """
 
 
+class Terminated(SystemExit):
+    """SIGTERM, as an exception, so that nothing half done is left behind."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run `ctcbs`.
 
@@ -31,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     -------
     int
         0 done; 1 failed; 2 bad input, after one line on standard error (as argparse does itself,
-        by SystemExit); 130 interrupted; 141 nobody reads standard output.
+        by SystemExit); 130 interrupted; 141 nobody reads standard output; 143 terminated.
     """
     before = signal.signal(signal.SIGINT, _interrupt)
     signal.signal(signal.SIGTERM, _terminate)
@@ -46,6 +50,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("ctcbs: interrupted", file=sys.stderr)
         return 128 + signal.SIGINT
+    except Terminated:
+        print("ctcbs: terminated (SIGTERM)", file=sys.stderr)
+        return 128 + signal.SIGTERM
     except BrokenPipeError:
         # What is left in the buffer must not be flushed into the closed pipe at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -96,5 +103,4 @@ def _interrupt(_number: int, _frame) -> None:
 
 
 def _terminate(number: int, _frame) -> None:
-    """End by SIGTERM as by an exception, so that nothing half done is left behind."""
-    sys.exit(128 + number)
+    raise Terminated(128 + number)

@@ -1,4 +1,4 @@
-"""What the subcommands share: JSON without infinities, numbers with clear errors."""
+"""What the subcommands share: a result as JSON without infinities."""
 
 import json
 import sys

@@ -1,6 +1,5 @@
 """`ctcbs replay`: predictions of a recorded flight, through the core or through the node."""
 
-import argparse
 import json
 import sys
 import time
@@ -9,6 +8,7 @@ from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
+from ctcbs_ros.cli.numbers import number
 from ctcbs_ros.cli.output import finite_or_null, print_json
 
 RATES = (0.0, 1000.0)  # as the parameter replay.rate
@@ -34,7 +34,7 @@ def add_parser(subparsers) -> None:
     )
     add(
         "--rate",
-        type=_rate,
+        type=number(float, *RATES),
         default=0.0,
         metavar="R",
         help="speed over the log's own clock; default 0, as fast as it goes",
@@ -158,10 +158,3 @@ def _progress_bar(take: Callable) -> Iterator[Callable]:
                 bar.set_postfix_str(f"log {flown:.0f} s, {rate:.0f} x real time", refresh=False)
 
         yield take_and_show
-
-
-def _rate(text: str) -> float:
-    rate = float(text)
-    if not RATES[0] <= rate <= RATES[1]:
-        raise argparse.ArgumentTypeError(f"{text}: must be from {RATES[0]:g} to {RATES[1]:g}")
-    return rate

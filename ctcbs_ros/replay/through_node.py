@@ -173,7 +173,8 @@ def _refuse_if_ended(process: subprocess.Popen, output) -> None:
     lines = output.read().strip().splitlines() or ["it said nothing"]
     if code == 2:
         raise InputError(lines[-1].removeprefix("predictor: "))
-    raise NodeFailure(f"the node ended with {code}: " + " | ".join(lines[-3:]))
+    how = f"by {signal.Signals(-code).name}" if code < 0 else f"with {code}"
+    raise NodeFailure(f"the node ended {how}: " + " | ".join(lines[-3:]))
 
 
 class _Receiver:
