@@ -12,8 +12,9 @@ from math import sqrt
 from ctcbs_ros.atmosphere import GRAVITY
 from ctcbs_ros.configuration import Configuration
 from ctcbs_ros.scaling import flight_point
-from ctcbs_ros.solver.critical_drag import CriticalDrag, critical_drag, first_minimum_state
+from ctcbs_ros.solver.critical_drag import CriticalDrag, critical_drag
 from ctcbs_ros.solver.cusp import OMEGA_MAX, cusp
+from ctcbs_ros.solver.first_minimum import first_minimum_state
 from ctcbs_ros.solver.fold_curve import LocusPoint
 from ctcbs_ros.solver.parameters import Parameters
 

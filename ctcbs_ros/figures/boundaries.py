@@ -12,6 +12,7 @@ import numpy as np
 from ctcbs_ros.figures.rows import Row
 from ctcbs_ros.solver import critical_drag
 from ctcbs_ros.solver import cusp as solver_cusp
+from ctcbs_ros.solver.first_minimum import first_minimum_state
 from ctcbs_ros.solver.fold_curve import FoldCurve, LocusPoint, Surface, fold_curves, point
 from ctcbs_ros.solver.parameters import Parameters
 
@@ -105,7 +106,7 @@ def cusp_and_minimum(name: str, length: float, end_mass: float, drag_ratio: floa
     ]
     # A little more drag: at the cusp itself the branch is vertical.
     above = replace(parameters, cable_drag=born.cable_drag * 1.0001)
-    state = critical_drag.first_minimum_state(above)
+    state = first_minimum_state(above)
     if state is None:
         return [*rows, {"kind": "first minimum", "note": "no minimum up to omega 10"} | fixed]
     return [

@@ -64,6 +64,11 @@ RADIUS_AT_SPEED = Family(
 )
 
 
+def at_omega_one(parameters: Parameters) -> Parameters:
+    """Those at omega = 1 and the same tow radius: from there tau of `ANGULAR_RATE` is ln omega."""
+    return ANGULAR_RATE.at(parameters, -log(parameters.omega))
+
+
 def family_between(start: Parameters, end: Parameters) -> tuple[Family, float]:
     """The family that leads from one parameter point to another, and the tau of the other.
 

@@ -17,7 +17,7 @@ from ctcbs_ros.errors import InputError
 from ctcbs_ros.kernels import fold_curve as kernel
 from ctcbs_ros.kernels.search import MAX_STEPS, MAX_STRAIN
 from ctcbs_ros.kernels.trajectory import OK
-from ctcbs_ros.solver.family import ANGULAR_RATE, Family
+from ctcbs_ros.solver.family import ANGULAR_RATE, Family, at_omega_one
 from ctcbs_ros.solver.level_set import curves
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import TOLERANCE, describe
@@ -75,8 +75,7 @@ class Surface:
     """
 
     def __init__(self, parameters: Parameters):
-        at_one = ANGULAR_RATE.at(parameters, -log(parameters.omega))
-        self.unit = replace(at_one, cable_drag=1.0)
+        self.unit = replace(at_omega_one(parameters), cable_drag=1.0)
         self.arguments = (
             self.unit.theta(), np.array([ANGULAR_RATE.exponents(), DRAG.exponents()]),
             self.unit.length, np.zeros(2),
