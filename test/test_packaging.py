@@ -24,7 +24,7 @@ DRONE = REPOSITORY / "config" / "small_drone.yaml"
 EDGES = (
     "nodes/", "telemetry/mavlink.py", "telemetry/dataflash.py", "simulate.py",
     "replay/through_node.py", "bench/peer_mavlink.py", "bench/peer_node.py",
-    "telemetry/ulog.py", "telemetry/rosbag.py", "telemetry/dataflash_text.py",
+    "telemetry/ulog", "telemetry/rosbag", "telemetry/dataflash_text.py",
 )
 # ... with the libraries that read their logs ...
 LOG_READERS = ("pyulog", "rosbags")

@@ -1,1 +1,1 @@
-"""Readers of telemetry (MAVLink and DataFlash) and the screening of what they yield."""
+"""Samples from links, logs and topics, and which of them can be believed."""

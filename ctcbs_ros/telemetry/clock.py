@@ -25,6 +25,8 @@ class VehicleClock:
     ----------
     flight : int
         Rises by one at each reboot, and at each step ahead that the receive stamps do not support.
+    unix_anchor : (int, int) or None
+        As the parameter, or the first that `set_unix` was told.
 
     Parameters
     ----------
@@ -32,16 +34,26 @@ class VehicleClock:
         Period of the vehicle's counter; None if it does not wrap.
     time_steps : Counter, optional
         Where "wrap", "reboot" and "jump" are counted.
+    unix_anchor : (int, int), optional
+        A continuous time [us] and its Unix time [us], where known before the first message.
     """
 
-    def __init__(self, wrap_us: int | None = None, time_steps: Counter | None = None):
+    def __init__(
+        self,
+        wrap_us: int | None = None,
+        time_steps: Counter | None = None,
+        unix_anchor: tuple[int, int] | None = None,
+    ):
         self.flight = 0
+        self.unix_anchor = unix_anchor
         self._wrap_us = wrap_us
         self._time_steps = Counter() if time_steps is None else time_steps
         self._boot_us: int | None = None  # the counter at the newest message
         self._time_us = 0  # continuous time of the newest message
         self._receive_us: int | None = None  # its receive stamp
         self._unix_offset_us: int | None = None  # Unix time less continuous time
+        if unix_anchor is not None:
+            self.set_unix(*unix_anchor)
 
     def advance(self, boot_us: int, receive_us: int | None = None) -> int:
         """Continuous time of a message.
@@ -92,7 +104,10 @@ class VehicleClock:
 
     def set_unix(self, time_us: int, unix_us: int) -> None:
         """Tie the flight to Unix time; without effect once tied, or outside 2000 to 2038."""
-        if self._unix_offset_us is None and _is_unix(unix_us):
+        if not _is_unix(unix_us):
+            return
+        self.unix_anchor = self.unix_anchor or (time_us, unix_us)
+        if self._unix_offset_us is None:
             self._unix_offset_us = unix_us - time_us
 
     def stamp_ns(self, time_us: int, receive_us: int | None = None) -> int:

@@ -19,6 +19,7 @@ from ctcbs_ros.telemetry.clock import VehicleClock
 from ctcbs_ros.telemetry.evidence import RANGE_ERROR
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.sample import Sample, Vector
+from ctcbs_ros.telemetry.splitter import MessageSplitter
 
 HEAD = b"\xa3\x95"
 FMT = 0x80
@@ -44,10 +45,8 @@ LEAP_SECONDS = 18  # GPS time less UTC since 2017; stamps of older logs are up t
 WEEK = 604_800  # [s]
 
 
-class MessageSplitter:
+class DataflashSplitter(MessageSplitter):
     """Cuts a stream into DataFlash messages, by the formats that the stream itself declares.
-
-    There are no checksums: a message counts where the head of another, or the end, follows it.
 
     Parameters
     ----------
@@ -55,42 +54,24 @@ class MessageSplitter:
         Where messages and bad bytes are counted.
     """
 
+    LOOK_AHEAD = 2
+
     def __init__(self, link: LinkStatistics):
-        self._link = link
+        super().__init__(link)
         self._lengths = {FMT: FMT_FORMAT.len}
         self._formats = {FMT: FMT_FORMAT}
-        self._rest = b""
-
-    def split(self, data: bytes, last: bool = False) -> Iterator[DFMessage]:
-        """Wanted messages completed by more bytes; with `last` nothing follows them."""
-        buffer = self._rest + data
-        position = 0
-        while position + 3 <= len(buffer):
-            end = self._end(buffer, position)
-            # Whether it is intact shows in the two bytes after it.
-            if end + 2 > len(buffer) and not last:
-                break
-            if end == position or end > len(buffer) or not HEAD.startswith(buffer[end : end + 2]):
-                resume = buffer.find(HEAD, position + 1)
-                resume = resume if resume >= 0 else len(buffer) - 1
-                self._link.count_bad_bytes(resume - position)
-                position = resume
-                continue
-            self._link.count_message()
-            message = self._decode(buffer, position, end)
-            position = end
-            if message is not None:
-                yield message
-        self._rest = buffer[position:]
-        if last:
-            self._link.count_bad_bytes(len(self._rest))
-            self._rest = b""
 
     def _end(self, buffer: bytes, position: int) -> int:
-        """Where the message at `position` ends; `position` if none begins there."""
         if not buffer.startswith(HEAD, position):
             return position
         return position + self._lengths.get(buffer[position + 2], 0)
+
+    def _is_whole(self, buffer: bytes, position: int, end: int) -> bool:
+        return end <= len(buffer) and HEAD.startswith(buffer[end : end + 2])
+
+    def _next_head(self, buffer: bytes, position: int) -> int:
+        found = buffer.find(HEAD, position + 1)
+        return found if found >= 0 else len(buffer) - 1
 
     def _decode(self, buffer: bytes, position: int, end: int) -> DFMessage | None:
         layout = self._formats.get(buffer[position + 2])
@@ -134,7 +115,7 @@ class DataflashDecoder:
     unix_anchor : (int, int), optional
         An instant of the autopilot's clock [us] and its Unix time [us], where known already.
     splitter : type, optional
-        What cuts the stream into messages; default `MessageSplitter`.
+        What cuts the stream into messages; default `DataflashSplitter`.
 
     Attributes
     ----------
@@ -142,8 +123,6 @@ class DataflashDecoder:
         System id (SYSID_THISMAV) and firmware ("ArduPlane"), once read.
     wind : tuple of 3 floats or None
         Newest wind of the primary estimator core: velocity towards east, north, up [m/s].
-    unix_anchor : (int, int) or None
-        As the parameter, or from the first GPS message with GPS time.
     """
 
     def __init__(
@@ -155,10 +134,7 @@ class DataflashDecoder:
         self.link = LinkStatistics()
         self.vehicle = vehicle
         self.wind: Vector | None = None
-        self.unix_anchor = unix_anchor
-        self._clock = VehicleClock(time_steps=self.link.time_steps)
-        if unix_anchor is not None:
-            self._clock.set_unix(*unix_anchor)
+        self._clock = VehicleClock(time_steps=self.link.time_steps, unix_anchor=unix_anchor)
         self._system = 1
         self._estimator = "XKF"
         self._primary_core = 0
@@ -175,7 +151,12 @@ class DataflashDecoder:
             "XKF4": self._estimator_status,
             "NKF4": self._estimator_status,
         }
-        self._messages = (splitter or MessageSplitter)(self.link)
+        self._messages = (splitter or DataflashSplitter)(self.link)
+
+    @property
+    def unix_anchor(self) -> tuple[int, int] | None:
+        """What ties the clock to Unix time, once known."""
+        return self._clock.unix_anchor
 
     def feed(self, data: bytes, last: bool = False) -> Iterator[Sample]:
         """Samples completed by more bytes, as they are decoded; with `last` no more follow."""
@@ -195,7 +176,6 @@ class DataflashDecoder:
         if getattr(gps, "GWk", 0) > 0:
             unix_us = (GPS_EPOCH_UNIX + gps.GWk * WEEK - LEAP_SECONDS) * 10**6 + gps.GMS * 1000
             self._clock.set_unix(time_us, unix_us)
-            self.unix_anchor = self.unix_anchor or (time_us, unix_us)
 
         accuracy = self._accuracy.get(receiver)
         by_dilution = getattr(gps, "HDop", nan) * RANGE_ERROR

@@ -13,7 +13,7 @@ LONGEST_LINE = 4096  # bytes; a message has 255 at most
 
 
 class LineSplitter:
-    """Cuts a stream into DataFlash messages, one a line; as `dataflash.MessageSplitter`.
+    """Cuts a stream into DataFlash messages, one a line; as `dataflash.DataflashSplitter`.
 
     Parameters
     ----------

@@ -13,8 +13,8 @@ from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.mavlink import MavlinkDecoder
 from ctcbs_ros.telemetry.rosbag import BagSource, is_bag, open_bag
 from ctcbs_ros.telemetry.sample import Sample, Vector
-from ctcbs_ros.telemetry.ulog import START as ULOG_START
 from ctcbs_ros.telemetry.ulog import UlogDecoder
+from ctcbs_ros.telemetry.ulog_messages import START as ULOG_START
 
 CHUNK = 1 << 14
 # Bytes in which a log must show its format, and tell its vehicle if it can.

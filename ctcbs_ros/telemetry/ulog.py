@@ -1,60 +1,23 @@
 """PX4's ULog files (.ulg) to samples.
 
-The format describes itself: F messages give the fields of each topic, A messages number the
-topics that follow, D messages hold their data. pyulog loads a log whole, so the stream is cut
-into messages here, and a log of any size is read as it comes.
-
 Positions are those of the receiver in use (vehicle_gps_position, else one sensor_gps at a time)
 with its own word on its fix; only a log without a receiver gives the estimator's
 (vehicle_global_position, else vehicle_local_position).
 """
 
-import re
-import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import asin, atan2, cos, degrees, hypot, isfinite, nan, radians, sin
-from typing import Any, NamedTuple
-
-from pyulog import ULog
 
 from ctcbs_ros.telemetry.clock import VehicleClock
 from ctcbs_ros.telemetry.evidence import FIX_3D, NO_FIX
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.sample import Sample, Vector
-
-START = ULog.HEADER_BYTES
-SYNC = ULog.SYNC_BYTES
-HEADER = 16  # bytes: magic, version, time stamp
+from ctcbs_ros.telemetry.ulog_messages import Data, UlogSplitter, Values
 
 # Sources of the position, best first.
 POSITIONS = (
     "vehicle_gps_position", "sensor_gps", "vehicle_global_position", "vehicle_local_position",
 )  # fmt: skip
-TOPICS = {*POSITIONS, "home_position", "wind", "wind_estimate"}
-FACTS = ("sys_name", "MAV_SYS_ID")
-
-CODES = {
-    "int8_t": "b", "uint8_t": "B", "int16_t": "h", "uint16_t": "H", "int32_t": "i",
-    "uint32_t": "I", "int64_t": "q", "uint64_t": "Q", "float": "f", "double": "d",
-    "bool": "?", "char": "x",
-}  # fmt: skip
-INTEGERS = {
-    "timestamp", "time_utc_usec", "timestamp_time_relative", "fix_type", "satellites_used",
-}  # fmt: skip
-# Message types, with the bytes that each has at least.
-LEAST = {
-    ord(kind): size
-    for kind, size in {
-        "B": 40, "F": 3, "I": 4, "M": 5, "P": 4, "Q": 5, "A": 4, "R": 2, "D": 2, "L": 9,
-        "C": 11, "S": 8, "O": 2,
-    }.items()
-}  # fmt: skip
-# What the beginning of a message can look like, for finding the next one after damage.
-HEAD = re.compile(rb"(?s)(?=..[BFIMPQARDLCSO])")
-TEXT = re.compile(rb"[\x20-\x7e]+")
-LARGEST_UNKNOWN = 10_000  # bytes of a message of a type that came after this was written
-
 AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1
 EXTRAPOLATED = 8  # PX4's own fix type: dead reckoning, where MAVLink numbers PPP
 # Another receiver is followed once the one in use has been silent for this long [us].
@@ -62,162 +25,6 @@ RECEIVER_SILENT_US = 2_000_000
 # A velocity belongs to a position when their times are no farther apart than this [us].
 SAME_TIME_US = 100_000
 EARTH_RADIUS = 6_371_000.0  # m, of the sphere on which PX4 projects its local frame
-
-Values = dict[str, Any]
-
-
-class Data(NamedTuple):
-    """One message of a topic; several receivers or estimators number themselves by instance."""
-
-    topic: str
-    instance: int
-    values: Values
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Where the plain fields of a topic stand; arrays are passed over."""
-
-    names: tuple[str, ...]
-    fields: struct.Struct
-    largest: int  # bytes with the padding at the end, which the logger leaves out
-
-
-class MessageSplitter:
-    """Cuts a ULog stream into messages, by the topics that the stream itself declares.
-
-    There are no checksums: a message counts where it is formed as its type demands and another
-    head, or the end, follows it.
-
-    Parameters
-    ----------
-    link : LinkStatistics
-        Where messages and bad bytes are counted.
-
-    Attributes
-    ----------
-    facts : dict
-        Of the log's information and parameters those in `FACTS`.
-    """
-
-    def __init__(self, link: LinkStatistics):
-        self.facts: Values = {}
-        self._link = link
-        self._rest = b""
-        self._in_header = True
-        self._layouts: dict[str, Layout | None] = {}
-        self._topics: dict[int, tuple[str, int]] = {}
-
-    def split(self, data: bytes, last: bool = False) -> Iterator[Data]:
-        """Wanted messages completed by more bytes; with `last` nothing follows them."""
-        buffer = self._rest + data
-        position = 0
-        if self._in_header:
-            if len(buffer) < HEADER and not last:
-                self._rest = buffer
-                return
-            self._in_header = False
-            position = HEADER if buffer.startswith(START) else 0
-        while position + 3 <= len(buffer):
-            end = position + 3 + int.from_bytes(buffer[position : position + 2], "little")
-            is_head = self._is_head(buffer, position, self._link.in_step)
-            # Whether it is intact shows in the head that follows it.
-            if is_head and end + 5 > len(buffer) and not last:
-                break
-            if not is_head or not self._is_whole(buffer, position, end):
-                found = HEAD.search(buffer, position + 1)
-                resume = found.start() if found else max(position + 1, len(buffer) - 2)
-                self._link.count_bad_bytes(resume - position)
-                position = resume
-                continue
-            self._link.count_message()
-            message = self._decode(buffer[position + 2], buffer[position + 3 : end])
-            position = end
-            if message is not None:
-                yield message
-        self._rest = buffer[position:]
-        if last:
-            self._link.count_bad_bytes(len(self._rest))
-            self._rest = b""
-
-    def _is_head(self, buffer: bytes, position: int, in_step: bool) -> bool:
-        """Whether a message can begin there, as far as its first 5 bytes are there to tell.
-
-        In step with what comes before, also one of a type or a topic that is not known.
-        """
-        if position + 3 > len(buffer):
-            return True
-        size, kind = struct.unpack_from("<HB", buffer, position)
-        if kind not in LEAST:
-            return in_step and 65 <= kind <= 90 and 0 < size <= LARGEST_UNKNOWN
-        if size < LEAST[kind]:
-            return False
-        if kind == ord("D") and position + 5 <= len(buffer):
-            number = int.from_bytes(buffer[position + 3 : position + 5], "little")
-            if number not in self._topics:
-                return in_step
-            layout = self._layouts.get(self._topics[number][0])
-            return layout is None or layout.fields.size <= size - 2 <= layout.largest
-        return True
-
-    def _is_whole(self, buffer: bytes, position: int, end: int) -> bool:
-        if end > len(buffer) or not self._is_head(buffer, end, True):
-            return False
-        kind, content = chr(buffer[position + 2]), buffer[position + 3 : end]
-        if kind == "S":
-            return content == SYNC
-        if kind in "FA":
-            return TEXT.fullmatch(content[3 if kind == "A" else 0 :]) is not None
-        if kind in "IMPQ":
-            key = _key(content[kind in "MQ" :])
-            return key is not None and TEXT.fullmatch(key) is not None
-        if kind in "LC":
-            return content[:1] in b"01234567"
-        return len(content) == 2 if kind == "O" else True
-
-    def _decode(self, kind: int, content: bytes) -> Data | None:
-        match chr(kind):
-            case "F":
-                self._declare(content)
-            case "A":
-                instance, number = struct.unpack_from("<BH", content)
-                self._topics[number] = content[3:].decode(), instance
-            case "R":
-                self._topics.pop(int.from_bytes(content[:2], "little"), None)
-            case "I" | "P":
-                self._take_fact(content)
-            case "D":
-                return self._data(content)
-        return None
-
-    def _declare(self, content: bytes) -> None:
-        """Take in the fields of a topic; one that cannot be read is not decoded."""
-        name = content.split(b":")[0].decode()
-        if name not in TOPICS:
-            return
-        try:
-            self._layouts[name] = _layout(ULog.MessageFormat(content, None).fields)
-        except (KeyError, ValueError, IndexError, struct.error):
-            self._layouts[name] = None
-
-    def _take_fact(self, content: bytes) -> None:
-        key = _key(content)
-        kind, _, name = key.decode().partition(" ")
-        if name not in FACTS:
-            return
-        value = content[1 + len(key) :]
-        if kind.startswith("char["):
-            self.facts[name] = value.decode(errors="replace").rstrip("\0")
-        elif kind == "int32_t" and len(value) == 4:
-            self.facts[name] = int.from_bytes(value, "little", signed=True)
-
-    def _data(self, content: bytes) -> Data | None:
-        topic, instance = self._topics.get(int.from_bytes(content[:2], "little"), ("", 0))
-        layout = self._layouts.get(topic)
-        if layout is None or len(content) - 2 < layout.fields.size:
-            return None
-        values = layout.fields.unpack_from(content, 2)
-        return Data(topic, instance, dict(zip(layout.names, values, strict=True)))
 
 
 class UlogDecoder:
@@ -239,7 +46,6 @@ class UlogDecoder:
         System id (MAV_SYS_ID) and the system's name ("PX4"), once read.
     wind : tuple of 3 floats or None
         Newest wind of the estimator: velocity of the air towards east, north, up [m/s].
-    unix_anchor : (int, int) or None
     position_topic : str or None
         As the parameter; None as long as none has had a fix.
     """
@@ -252,12 +58,9 @@ class UlogDecoder:
     ):
         self.link = LinkStatistics()
         self.wind: Vector | None = None
-        self.unix_anchor = unix_anchor
         self.position_topic = position_topic
         self._vehicle = vehicle
-        self._clock = VehicleClock(time_steps=self.link.time_steps)
-        if unix_anchor is not None:
-            self._clock.set_unix(*unix_anchor)
+        self._clock = VehicleClock(time_steps=self.link.time_steps, unix_anchor=unix_anchor)
         self._topic = position_topic  # the one in use; also before it has a fix
         self._is_local: bool | None = None
         self._frames = 0  # changes between geodetic and local positions
@@ -277,7 +80,7 @@ class UlogDecoder:
             "wind": self._wind,
             "wind_estimate": self._wind,
         }
-        self._messages = MessageSplitter(self.link)
+        self._messages = UlogSplitter(self.link, self._handlers)
 
     @property
     def vehicle(self) -> Vehicle | None:
@@ -286,6 +89,11 @@ class UlogDecoder:
         if self._vehicle is None and "sys_name" in facts:
             return Vehicle(facts.get("MAV_SYS_ID", 1), AUTOPILOT, facts["sys_name"])
         return self._vehicle
+
+    @property
+    def unix_anchor(self) -> tuple[int, int] | None:
+        """What ties the clock to Unix time, once known."""
+        return self._clock.unix_anchor
 
     def feed(self, data: bytes, last: bool = False) -> Iterator[Sample]:
         """Samples completed by more bytes, as they are decoded; with `last` no more follow."""
@@ -318,9 +126,8 @@ class UlogDecoder:
         time_us = self._clock.advance(values["timestamp"])
         unix_us = values.get("time_utc_usec", 0)
         if unix_us > 0:
-            tie = time_us + values.get("timestamp_time_relative", 0), unix_us
-            self._clock.set_unix(*tie)
-            self.unix_anchor = self.unix_anchor or tie
+            relative_us = values.get("timestamp_time_relative", 0)
+            self._clock.set_unix(time_us + relative_us, unix_us)
         return self._sample(
             time_us,
             latitude=latitude,
@@ -469,35 +276,6 @@ def unprojected(
     sine = sin(origin) * cos(arc) + cos(origin) * sin(arc) * cos(course)
     turn = atan2(sin(course) * sin(arc) * cos(origin), cos(arc) - sin(origin) * sine)
     return degrees(asin(max(-1.0, min(1.0, sine)))), longitude + degrees(turn)
-
-
-def _layout(fields: list[tuple[str, int, str]]) -> Layout:
-    """Layout of (type, array size, name); KeyError for a type that is a topic itself."""
-    names, formats, trailing = [], "<", ""
-    for kind, count, name in fields:
-        code = CODES[kind]
-        if name.startswith("_padding"):
-            trailing += f"{struct.calcsize('<' + code) * (count or 1)}x"
-            continue
-        formats += trailing
-        trailing = ""
-        if count:
-            formats += f"{struct.calcsize('<' + code) * count}x"
-        elif code == "x":
-            formats += code
-        elif name in INTEGERS and code in "fd?":
-            raise ValueError(f"{name}: {kind}")
-        else:
-            names.append(name)
-            formats += code
-    largest = struct.calcsize(formats + trailing)
-    return Layout(tuple(names), struct.Struct(formats), largest)
-
-
-def _key(content: bytes) -> bytes | None:
-    """The "type name" of an information or a parameter; None where it is cut short."""
-    key = content[1 : 1 + content[0]]
-    return key if len(key) == content[0] and b" " in key else None
 
 
 def _enu(values: Values, north: str, east: str, down: str) -> Vector | None:
