@@ -76,6 +76,13 @@ def plot_diagram(path: str, name: str, result: dict) -> None:
         )
     axes.set_xlabel(LABELS[name])
     axes.set_ylabel("end-mass radius / tow radius")
+    point = next((p for branch in result["branches"] for p in branch["points"]), {})
+    if "end_mass_radius_m" in point and name != "radius_m":
+        tow_radius = point["end_mass_radius_m"] / point["end_mass_radius"]
+        metres = axes.secondary_yaxis(
+            "right", functions=(lambda share: share * tow_radius, lambda m: m / tow_radius)
+        )
+        metres.set_ylabel("end-mass radius [m]")
     axes.grid(alpha=0.3)
     if labels:
         axes.legend()

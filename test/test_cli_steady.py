@@ -143,8 +143,13 @@ def test_the_table_for_people_has_a_line_for_every_state():
     assert done.returncode == 0
     header, *rows = done.stdout.splitlines()
     assert "radius/a" in header
+    *rows, explained = rows
     assert len(rows) == 3
     assert [row.split()[-1] for row in rows] == ["yes", "NO", "yes"]
+    # As everywhere else: a margin below zero is unstable.
+    column = header.split().index("margin/rad")
+    assert [float(row.split()[column]) > 0.0 for row in rows] == [True, False, True]
+    assert explained.startswith("margin: decay rate")
 
 
 GOOD = _flags(figure_3_1(10.0))
@@ -172,6 +177,7 @@ FLIGHT = ["--config", DESIGN, "--radius=250", "--speed=50"]
         ([*FLIGHT[:3], "--speed=0"], "speed"),
         ([*FLIGHT, "--radius=-5"], "radius"),
         ([*FLIGHT, "--cable-length=nan"], "cable length"),
+        (["--config=small_drone", *FLIGHT[2:], "--altitude=300"], "--altitude"),
         (["--config", "no/such/file.yaml", *FLIGHT[2:]], "no/such/file.yaml"),
     ],
 )

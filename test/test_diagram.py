@@ -9,6 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import yaml
+from folding_flight import UNIT_SPEED, folding_mapping
 from scipy.optimize import brentq, minimize_scalar
 
 from ctcbs_ros.cli.main import main
@@ -203,6 +205,7 @@ def test_branch_command_gives_json_csv_and_a_picture(tmp_path):
     assert result["folds"] == result["hopf"] == []
     rows = list(csv.DictReader((tmp_path / "b.csv").open()))
     assert len(rows) == len(branch["points"])
+    assert float(rows[-1]["end_mass_radius_m"]) == pytest.approx(0.08 * 250.0, abs=0.25)
     assert (tmp_path / "b.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -238,6 +241,56 @@ def test_branch_in_si_has_the_steady_states_of_each_point_scaled_by_itself(
         assert point["end_mass_radius"] == pytest.approx(state.end_mass_radius, rel=1e-8)
         assert point["growth_rate"] == pytest.approx(stability(state).growth_rate, rel=0.02)
         assert point["status"] == "ok"
+        si = flight.state_si(state, stability(state))
+        assert point["end_mass_radius_m"] == pytest.approx(si["end_mass_radius_m"], rel=1e-8)
+        assert point["growth_rate_per_s"] == pytest.approx(si["growth_rate_per_s"], rel=0.02)
+
+
+@pytest.fixture
+def folding_file(tmp_path):
+    """Fig. 3.1, d_n 4.8, at a tow radius of 100 m; omega 1 is 31.3 m/s."""
+    file = tmp_path / "folding.yaml"
+    file.write_text(yaml.safe_dump({"/**": {"ros__parameters": folding_mapping()}}))
+    return file
+
+
+def test_events_in_si_are_those_of_figure_3_1_scaled(folding_file, capsys):
+    arguments = ["branch", "--config", str(folding_file), "--radius=100", "--vary=speed"]
+    assert main([*arguments, "--from=10", "--to=80", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    (branch,) = diagram(FIG_31, OMEGA, 1.0, 10.0 / UNIT_SPEED, 80.0 / UNIT_SPEED)
+    for key, events in (("folds", branch.folds), ("hopf", branch.hopf)):
+        for found, event in zip(result[key], events, strict=True):
+            assert found["speed_m_s"] == pytest.approx(event.omega * UNIT_SPEED, rel=1e-6)
+            assert found["end_mass_radius_m"] == pytest.approx(
+                100.0 * event.end_mass_radius, rel=1e-6
+            )
+            assert found["branch"] == 1
+    (hopf,) = result["hopf"]
+    assert hopf["frequency_per_s"] == hopf["frequency"] * hopf["speed_m_s"] / 100.0
+
+    assert main([*arguments, "--from=10", "--to=80"]) == 0
+    shown = capsys.readouterr().out
+    assert "branch  " in shown
+    assert "speed[m/s]  end-mass radius[m]" in shown
+    lines = [line for line in shown.splitlines() if line.startswith(("fold", "Hopf"))]
+    assert len(lines) == 3
+    for line, event in zip(
+        lines, sorted([*result["folds"], *result["hopf"]], key=lambda e: e["omega"]), strict=True
+    ):
+        assert f"{event['speed_m_s']:.7g}" in line
+        assert f"{event['end_mass_radius_m']:.6g}" in line
+    # The cable of the file does not stretch, its vibration does: the folds change nothing.
+    assert [line.endswith("changes") for line in lines] == [False, False, True]
+
+
+def test_main_and_isolated_branches_are_named_and_explained(capsys):
+    arguments = "branch --vary omega --from 0.5 --to 1.5 --length 3 --end-mass 50 --drag-ratio 1"
+    assert main([*arguments.split(), "--cable-drag", "2.7"]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert [line.split()[:2] for line in shown[1:3]] == [["1", "main"], ["2", "isolated"]]
+    assert shown[3].startswith("  main: leads to the one state at omega -> 0")
+    assert shown[4].startswith("  isolated: does not")
 
 
 def test_points_stretched_beyond_reason_say_so_and_the_branch_goes_on():
@@ -271,6 +324,13 @@ def test_parameters_beyond_table_2_1_are_computed_with_a_note():
     [
         (["--vary", "omega", "--from", "1", "--to", "2"], "missing: --length"),
         (["--vary", "speed", "--from", "1", "--to", "2"], "needs --config"),
+        (["--vary", "omega", "--omega", "1", "--from", "1", "--to", "2"], "--omega 1: not with"),
+        (["--vary", "omega", "--radius", "80", "--from", "1", "--to", "2"], "--radius: only with"),
+        (
+            ["--vary", "speed", "--from", "10", "--to", "20", "--config", "small_drone",
+             "--radius", "60", "--speed", "15"],
+            "--speed 15: not with --vary speed",
+        ),
         (
             ["--vary", "omega", "--from", "2", "--to", "1", "--length", "3", "--end-mass", "50",
              "--cable-drag", "5", "--drag-ratio", "1"],

@@ -3,12 +3,27 @@
 import csv
 import sys
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
 from math import log
+from typing import TYPE_CHECKING
 
+from ctcbs_ros.cli.branch_text import branch_lines
 from ctcbs_ros.cli.output import print_json
-from ctcbs_ros.cli.steady import add_flight, add_nondimensional, flight_from, parameters_from
+from ctcbs_ros.cli.steady import (
+    add_flight,
+    add_nondimensional,
+    flight_from,
+    parameters_from,
+    refuse_flight,
+)
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.files import atomic_file, writable
+
+if TYPE_CHECKING:  # imported where they are needed: --help waits for no compiler
+    from ctcbs_ros.solver.diagram import Event
+    from ctcbs_ros.solver.family import Family
+    from ctcbs_ros.solver.parameters import Parameters
 
 _SI = {"radius": "radius_m", "speed": "speed_m_s", "cable-length": "cable_length_m"}
 _PICTURES = (".png", ".pdf", ".svg")
@@ -22,7 +37,10 @@ def add_parser(subparsers) -> None:
         help="all branches in one varying parameter, with folds, Hopf points and extrema",
         description="All branches of steady states in a range of one parameter, isolated ones "
         "included, with their folds, Hopf points and the first minimum of the end-mass radius. "
-        "Give the other non-dimensional parameters, or --config with --radius and --speed.",
+        "Give the other non-dimensional parameters, or --config with --radius and --speed. "
+        'connected_to_zero, "main" in the table, is a branch that leads to the one state at '
+        "omega -> 0 when the aircraft slows down with all else kept, whatever varies here; of two "
+        "such branches the folds that join them are beyond the range. The others are isolated.",
     )
     parser.add_argument(
         "--vary", required=True, choices=(*_NONDIMENSIONAL, *_SI),
@@ -45,20 +63,71 @@ def run(args) -> int:
         raise InputError(f"--plot {args.plot}: must end in {', '.join(_PICTURES)}")
     for path in filter(None, (args.csv, args.plot)):
         writable(path)
-    from ctcbs_ros.solver.diagram import diagram, first_minimum
+    from ctcbs_ros.solver.diagram import diagram
 
-    parameters, family, value, name = _problem(args)
-    branches = diagram(parameters, family, value, args.low, args.high)
+    problem = _problem(args)
+    branches = diagram(problem.parameters, problem.family, problem.value, args.low, args.high)
+    result = _record(problem, branches)
+    result["notes"] = _notes(problem, args.low, args.high, branches)
+    if args.csv:
+        _write_csv(args.csv, problem, result["branches"])
+    if args.plot:
+        from ctcbs_ros.plots_diagram import plot_diagram
+
+        plot_diagram(args.plot, problem.name, result)
+    if args.json:
+        print_json(result)
+    else:
+        for line in branch_lines(problem.name, result):
+            print(line)
+        sys.stdout.flush()
+    for note in result["notes"]:
+        print(f"ctcbs: note: {note}", file=sys.stderr)
+    return 0
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """What varies, from where, under which name; in SI also the scales at each value of it."""
+
+    parameters: "Parameters"
+    family: "Family"
+    value: float
+    name: str
+    scales: Callable[[float], tuple[float, float]] | None = None  # tow radius, angular rate
+
+    def of(self, found, **rates: float) -> dict[str, float]:
+        """Keys of a point or an event: where it is, and rates per radian, per second as well."""
+        keys = {self.name: found.value, "omega": found.omega}
+        keys["end_mass_radius"] = found.end_mass_radius
+        keys |= rates
+        if self.scales is not None:
+            radius, angular_rate = self.scales(found.value)
+            keys["end_mass_radius_m"] = found.end_mass_radius * radius
+            keys |= {f"{name}_per_s": rate * angular_rate for name, rate in rates.items()}
+        return keys
+
+
+def _record(problem: _Problem, branches) -> dict:
+    """The result but for its notes; events carry the number of their branch, from 1."""
+    from ctcbs_ros.solver.diagram import first_minimum
+
+    def events(*kinds: str) -> "list[tuple[int, Event]]":
+        return [
+            (number, event)
+            for number, branch in enumerate(branches, 1)
+            for kind in kinds
+            for event in getattr(branch, kind)
+        ]
+
     minimum = first_minimum(branches)
-    result = {
+    return {
         "branches": [
             {
                 "connected_to_zero": branch.connected_to_zero,
                 "points": [
                     {
-                        **_varied(name, point),
-                        "end_mass_radius": point.end_mass_radius,
-                        "growth_rate": point.growth_rate,
+                        **problem.of(point, growth_rate=point.growth_rate),
                         "stable": point.stable,
                         "status": point.status,
                     }
@@ -67,39 +136,29 @@ def run(args) -> int:
             }
             for branch in branches
         ],
-        "folds": [_event(name, e) for branch in branches for e in branch.folds],
+        "folds": [{**problem.of(e), "branch": n} for n, e in events("folds")],
         "hopf": [
-            {**_event(name, e), "frequency": e.frequency} for b in branches for e in b.hopf
+            {**problem.of(e, frequency=e.frequency), "branch": n} for n, e in events("hopf")
         ],
-        "first_minimum": minimum and _event(name, minimum),
+        "first_minimum": next(
+            ({**problem.of(e), "branch": n} for n, e in events("minima") if e is minimum), None
+        ),
         "extrema": [
-            {**_event(name, e), "kind": e.kind} for b in branches for e in (*b.minima, *b.maxima)
+            {**problem.of(e), "branch": n, "kind": e.kind} for n, e in events("minima", "maxima")
         ],
         "stability_changes": [
-            {**_event(name, e), "kind": e.kind} for b in branches for e in b.stability_changes
+            {**problem.of(e), "branch": n, "kind": e.kind} for n, e in events("stability_changes")
         ],
-        "notes": _notes(parameters, family, value, name, args, branches),
     }
-    if args.csv:
-        _write_csv(args.csv, name, result["branches"])
-    if args.plot:
-        from ctcbs_ros.plots_diagram import plot_diagram
-
-        plot_diagram(args.plot, name, result)
-    if args.json:
-        print_json(result)
-    else:
-        _print(name, result)
-    for note in result["notes"]:
-        print(f"ctcbs: note: {note}", file=sys.stderr)
-    return 0
 
 
-def _notes(parameters, family, value, name, args, branches) -> list[str]:
+def _notes(problem: _Problem, first: float, last: float, branches) -> list[str]:
     """What the reader has to know: parameters beyond Table 2.1, points not to be trusted."""
     from ctcbs_ros.design.chart import TABLE_2_1
 
-    ends = [family.at(parameters, log(x / value)) for x in (args.low, args.high)]
+    ends = [
+        problem.family.at(problem.parameters, log(x / problem.value)) for x in (first, last)
+    ]
     notes = []
     for key, (low, high) in TABLE_2_1.items():
         first, last = sorted(getattr(end, key) for end in ends)
@@ -117,85 +176,47 @@ def _notes(parameters, family, value, name, args, branches) -> list[str]:
     return notes
 
 
-def _event(name: str, event) -> dict[str, float]:
-    return {**_varied(name, event), "end_mass_radius": event.end_mass_radius}
-
-
-def _varied(name: str, point) -> dict[str, float]:
-    """The varied value under its name, and omega."""
-    return {name: point.value, "omega": point.omega}
-
-
-def _problem(args):
-    """Parameters, family, present value of what varies, and its name in the result."""
+def _problem(args) -> _Problem:
     from ctcbs_ros.solver.diagram import VARIED
     from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED, Family
 
-    if args.vary in _SI:
-        if args.config is None:
-            raise InputError(f"--vary {args.vary}: needs --config")
-        key = args.vary.replace("-", "_")
-        # What varies need not be given; any point of the range will do to start from.
-        if getattr(args, key) is None:
-            setattr(args, key, args.low)
-        flight = flight_from(args)
-        family, value = {
-            "radius": (RADIUS_AT_SPEED, flight.radius),
-            "speed": (ANGULAR_RATE, flight.speed),
-            "cable-length": (Family("cable_length", length=1.0), flight.cable_length),
-        }[args.vary]
-        return flight.parameters, family, value, _SI[args.vary]
-    if args.config is not None:
-        raise InputError(f"--vary {args.vary}: not with --config; vary {' or '.join(_SI)}")
     key = args.vary.replace("-", "_")
-    if getattr(args, key) is None:
-        setattr(args, key, args.low)
-    parameters = parameters_from(args)
-    return parameters, VARIED[key], getattr(parameters, key), key
+    in_si = args.vary in _SI
+    if in_si and args.config is None:
+        raise InputError(f"--vary {args.vary}: needs --config")
+    if not in_si and args.config is not None:
+        raise InputError(f"--vary {args.vary}: not with --config; vary {' or '.join(_SI)}")
+    if getattr(args, key) is not None:
+        raise InputError(
+            f"--{args.vary} {getattr(args, key):g}: not with --vary {args.vary}, which goes "
+            "--from one value --to another"
+        )
+    # Any point of the range will do to start from.
+    setattr(args, key, args.low)
+    if not in_si:
+        refuse_flight(args)
+        return _Problem(parameters_from(args), VARIED[key], args.low, key)
+    flight = flight_from(args)
+    family, scales = {
+        "radius": (RADIUS_AT_SPEED, lambda radius: (radius, flight.speed / radius)),
+        "speed": (ANGULAR_RATE, lambda speed: (flight.radius, speed / flight.radius)),
+        "cable-length": (
+            Family("cable_length", length=1.0), lambda _: (flight.radius, flight.angular_rate)
+        ),
+    }[args.vary]
+    return _Problem(flight.parameters, family, args.low, _SI[args.vary], scales)
 
 
-def _write_csv(path: str, name: str, branches) -> None:
-    names = list(dict.fromkeys([name, "omega"]))
-    columns = ["branch", "connected_to_zero", *names, "end_mass_radius", "growth_rate", "stable"]
-    columns.append("status")
+def _write_csv(path: str, problem: _Problem, branches) -> None:
+    columns = ["branch", "connected_to_zero", problem.name, "omega", "end_mass_radius"]
+    columns += ["growth_rate", "stable", "status"]
+    if problem.scales is not None:
+        columns += ["end_mass_radius_m", "growth_rate_per_s"]
     with atomic_file(path) as file:
-        writer = csv.DictWriter(file, columns)
+        writer = csv.DictWriter(file, list(dict.fromkeys(columns)))
         writer.writeheader()
         for number, branch in enumerate(branches, 1):
             for point in branch["points"]:
                 writer.writerow(
                     {"branch": number, "connected_to_zero": branch["connected_to_zero"], **point}
                 )
-
-
-def _print(name: str, result) -> None:
-    for number, branch in enumerate(result["branches"], 1):
-        points = branch["points"]
-        values = [p[name] for p in points]
-        kind = "connected to omega -> 0" if branch["connected_to_zero"] else "isolated"
-        unstable = sum(not p["stable"] for p in points)
-        print(
-            f"branch {number}: {kind}, {name} {min(values):.5g} to {max(values):.5g}, "
-            f"{len(points)} points, {unstable} unstable"
-        )
-    if result["branches"] and not result["folds"]:
-        print("no folds on any of them")
-    for title, key in (("fold", "folds"), ("Hopf point", "hopf")):
-        for event in result[key]:
-            extra = f", frequency {event['frequency']:.5g}" if key == "hopf" else ""
-            print(
-                f"{title}: {name} {event[name]:.9g}, end-mass radius "
-                f"{event['end_mass_radius']:.6g}{extra}"
-            )
-    for event in result["stability_changes"]:
-        print(
-            f"stability changes ({event['kind']}): {name} {event[name]:.9g}, end-mass radius "
-            f"{event['end_mass_radius']:.6g}"
-        )
-    minimum = result["first_minimum"]
-    if minimum:
-        print(
-            f"first minimum of the end-mass radius: {minimum['end_mass_radius']:.6g} at {name} "
-            f"{minimum[name]:.9g}"
-        )
-    sys.stdout.flush()

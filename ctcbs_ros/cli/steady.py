@@ -79,6 +79,13 @@ def parameters_from(args):
     return Parameters(**given)
 
 
+def refuse_flight(args) -> None:
+    """Refuse what only a configuration gives a meaning to."""
+    for name in (*_FLIGHT, "cable_length", "altitude"):
+        if getattr(args, name) is not None:
+            raise InputError(f"--{name.replace('_', '-')}: only with --config")
+
+
 def flight_from(args):
     """`FlightPoint` from --config, --radius, --speed; an InputError names what is missing."""
     from ctcbs_ros.configuration import load_configuration
@@ -92,6 +99,11 @@ def flight_from(args):
     if missing:
         raise InputError(f"missing with --config: {' '.join(missing)}")
     configuration = load_configuration(args.config)
+    if args.altitude is not None and configuration.air.model == "constant":
+        raise InputError(
+            "--altitude: only with air.model standard_atmosphere; the density of "
+            f"{configuration.source} is constant"
+        )
     altitude = 0.0 if args.altitude is None else args.altitude
     density = configuration.air.density_at(altitude)
     if not isfinite(density):
@@ -111,9 +123,7 @@ def run(args) -> int:
         flight = flight_from(args)
         parameters = flight.parameters
     else:
-        for name in (*_FLIGHT, "cable_length", "altitude"):
-            if getattr(args, name) is not None:
-                raise InputError(f"--{name.replace('_', '-')}: only with --config")
+        refuse_flight(args)
         parameters = parameters_from(args)
     found = steady_states(parameters)
     solutions = []
@@ -161,21 +171,21 @@ def run(args) -> int:
 
 def _print_table(solutions, flight, reason) -> None:
     if flight is None:
-        header = "radius/a  depth/a  lag[deg]  T_mass  T_tow  T_max  growth/rad  freq/rad  stable"
+        header = "radius/a  depth/a  lag[deg]  T_mass  T_tow  T_max  margin/rad  freq/rad  stable"
         rows = [
             (s["end_mass_radius"], s["depth"], degrees(s["phase_lag"]), s["tension_end_mass"],
-             s["tension_tow_point"], s["greatest_tension"], s["growth_rate"], s["frequency"])
+             s["tension_tow_point"], s["greatest_tension"], -s["growth_rate"], s["frequency"])
             for s in solutions
         ]
     else:
         header = (
-            "radius[m]  depth[m]  lag[deg]  T_mass[N]  T_tow[N]  T_max[N]  growth[1/s]  "
+            "radius[m]  depth[m]  lag[deg]  T_mass[N]  T_tow[N]  T_max[N]  margin[1/s]  "
             "freq[rad/s]  stable"
         )
         rows = [
             (si["end_mass_radius_m"], si["depth_m"], degrees(si["phase_lag_rad"]),
              si["tension_end_mass_n"], si["tension_tow_point_n"], si["greatest_tension_n"],
-             si["growth_rate_per_s"], si["frequency_per_s"])
+             -si["growth_rate_per_s"], si["frequency_per_s"])
             for si in (s["si"] for s in solutions)
         ]
     if not solutions:
@@ -187,3 +197,4 @@ def _print_table(solutions, flight, reason) -> None:
     for solution, row in zip(solutions, rows, strict=True):
         cells = [f"{value:.5g}" for value in row] + ["yes" if solution["stable"] else "NO"]
         print("  ".join(cell.rjust(width) for cell, width in zip(cells, widths, strict=True)))
+    print("margin: decay rate of the least damped mode, -growth_rate; negative is unstable")
