@@ -24,6 +24,7 @@ from ctcbs_ros import __version__
 from ctcbs_ros.cli.main import main
 from ctcbs_ros.cli.output import print_json
 from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.design.changes import CHANGES, changed
 from ctcbs_ros.design.chart import chart_column
 from ctcbs_ros.design.design import Design, cautions
 from ctcbs_ros.design.evaluation import Grid, evaluate
@@ -31,7 +32,7 @@ from ctcbs_ros.design.limits import limiting, limits
 from ctcbs_ros.design.point import design_point
 from ctcbs_ros.design.radii import good_radii
 from ctcbs_ros.design.record import design_record
-from ctcbs_ros.design.remedies import CHANGES, changed, find_remedies, find_remedy
+from ctcbs_ros.design.remedies import find_remedies, find_remedy
 from ctcbs_ros.design.report import report, write_report
 from ctcbs_ros.design.requirements import Criterion, Requirements, violations
 from ctcbs_ros.design.text import design_text

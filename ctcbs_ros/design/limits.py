@@ -1,6 +1,6 @@
 """What limits a design: each criterion's worst point, and by how much it is met or missed."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, log, nan
 
@@ -71,55 +71,82 @@ def limiting(found: Iterable[Limit]) -> Limit | None:
 def _envelope_limits(evaluation: Evaluation) -> Iterable[Limit]:
     points = evaluation.points
     by_point = [(point, evaluation.violations(point)) for point in points]
-
-    def row(criterion, worst, text, value, limit=nan, unit="", use=0.0):
-        violated = sum(criterion in found for _, found in by_point)
-        return Limit(
-            criterion, ENVELOPE, text, value, limit, unit, use, worst.flight.radius,
-            worst.flight.speed, worst.flight.cable_length, violated, len(points),
-        )  # fmt: skip
-
+    row = _rows(ENVELOPE, [found for _, found in by_point])
     flown = [point for point in points if point.state is not None]
-    missing = [point for point in points if point.state is None]
-    if missing:
-        why = missing[0].reason or "the state was lost"
-        yield row(
-            Criterion.NO_SOLUTION, missing[0],
-            f"no steady state at {place(missing[0])}: {why}", float(len(missing)), 0.0,
-        )  # fmt: skip
+    yield from _missing_rows(points, row)
     if not flown:
         return
-    most = max(flown, key=lambda point: point.solutions)
-    yield row(
-        Criterion.MULTIPLE_SOLUTIONS, most,
-        "one steady state everywhere" if most.solutions == 1
-        else f"{most.solutions} steady states at {place(most)}, 1 is required",
-        float(most.solutions), 1.0,
-    )  # fmt: skip
+    yield _solutions_row(flown, "one steady state everywhere", row)
     jumping = [point for point, found in by_point if Criterion.JUMPED in found]
     if jumping:
         nearest = min(jumping, key=lambda point: abs(point.nearest_jump))
         yield row(
-            Criterion.JUMPED, nearest,
+            Criterion.JUMPED, nearest.flight,
             f"the end mass jumps inside the envelope: {jump_text(nearest)}",
-            nearest.nearest_jump, nan, "", 1.0,
+            nearest.nearest_jump, use=1.0,
         )  # fmt: skip
     yield _margin_row(evaluation, flown, row)
-    tightest = max(flown, key=lambda point: point.tension)
-    allowed = tension_limit(evaluation.configuration, evaluation.requirements)
-    breaking = evaluation.configuration.cable.breaking_tension
-    against = (
-        f"of {allowed:.4g} N allowed ({evaluation.requirements.tension:.3g} of the breaking "
-        f"tension {breaking:.4g} N)"
-        if isfinite(allowed)
-        else "not judged, the breaking tension is not given"
-    )
-    yield row(
-        Criterion.TENSION_LIMIT, tightest,
-        f"tension {tightest.tension:.4g} N at {place(tightest)}, {against}",
-        tightest.tension, allowed, "N", tightest.tension / allowed,
-    )  # fmt: skip
+    yield _tension_row(evaluation, flown, row)
     yield _radius_row(evaluation, flown, row)
+
+
+def _way_in_limits(evaluation: Evaluation) -> Iterable[Limit]:
+    judged = [(way, evaluation.way_in_violations(way)) for way in evaluation.judged_ways_in]
+    row = _rows(evaluation.requirements.way_in, [found for _, found in judged])
+    points = [point for way, _ in judged for point in way.points]
+    flown = [point for point in points if point.state is not None]
+    jumps = [(jump, way.speed) for way, _ in judged for jump in way.jumps]
+    # After a jump onto nothing stable there is nothing to follow.
+    if not jumps:
+        yield from _missing_rows(points, row)
+    if not flown:
+        return
+    yield _solutions_row(flown, "one steady state at every point computed", row)
+    if jumps:
+        jump, speed = max(jumps, key=lambda pair: _size(pair[0]))
+        yield row(
+            Criterion.JUMPED, jump, f"the end mass jumps {way_jump_text(jump, speed)}",
+            jump.before, unit="m", use=1.0, speed=speed,
+        )  # fmt: skip
+    least = min(flown, key=lambda point: point.margin)
+    text = (
+        f"stable all the way: least margin {least.margin:.3g} 1/s at {place(least)}"
+        if least.stable
+        else _unstable_text(least)
+    )
+    use = 0.0 if least.stable else inf
+    yield row(Criterion.UNSTABLE, least.flight, text, least.margin, 0.0, "1/s", use)
+    yield _tension_row(evaluation, flown, row)
+
+
+def _rows(phase: str, violations: Sequence[Sequence[Criterion]]) -> Callable[..., Limit]:
+    """Makes the `Limit` of a criterion, given what each point or way in of a phase violates."""
+    def row(criterion, where, text, value, limit=nan, unit="", use=0.0, speed=None):
+        violated = sum(criterion in found for found in violations)
+        return Limit(
+            criterion, phase, text, value, limit, unit, use, where.radius,
+            where.speed if speed is None else speed, where.cable_length, violated,
+            len(violations),
+        )  # fmt: skip
+
+    return row
+
+
+def _missing_rows(points: Iterable[DesignPoint], row) -> Iterable[Limit]:
+    missing = [point for point in points if point.state is None]
+    if missing:
+        why = missing[0].reason or "the state was lost"
+        text = f"no steady state at {place(missing[0])}: {why}"
+        yield row(Criterion.NO_SOLUTION, missing[0].flight, text, float(len(missing)), 0.0)
+
+
+def _solutions_row(flown: list[DesignPoint], one: str, row) -> Limit:
+    most = max(flown, key=lambda point: point.solutions)
+    several = f"{most.solutions} steady states at {place(most)}, 1 is required"
+    return row(
+        Criterion.MULTIPLE_SOLUTIONS, most.flight, one if most.solutions == 1 else several,
+        float(most.solutions), 1.0,
+    )  # fmt: skip
 
 
 def _margin_row(evaluation: Evaluation, flown: list[DesignPoint], row) -> Limit:
@@ -129,16 +156,38 @@ def _margin_row(evaluation: Evaluation, flown: list[DesignPoint], row) -> Limit:
     if not least.stable:
         # Counted for both: a point that is unstable has no margin either.
         return row(
-            Criterion.UNSTABLE, least,
-            f"{least.damping.nearest_loss} at {place(least)}: disturbances grow at "
-            f"{-least.margin:.3g} 1/s",
-            least.margin, required, "1/s", use,
+            Criterion.UNSTABLE, least.flight, _unstable_text(least), least.margin, required,
+            "1/s", use,
         )  # fmt: skip
     return row(
-        Criterion.LOW_MARGIN, least,
+        Criterion.LOW_MARGIN, least.flight,
         f"least margin {least.margin:.3g} 1/s at {place(least)}, "
         + (f"{required:.3g} 1/s is required" if required else "above 0 is required"),
         least.margin, required, "1/s", use,
+    )  # fmt: skip
+
+
+def _unstable_text(least: DesignPoint) -> str:
+    return (
+        f"{least.damping.nearest_loss} at {place(least)}: disturbances grow at "
+        f"{-least.margin:.3g} 1/s"
+    )
+
+
+def _tension_row(evaluation: Evaluation, flown: list[DesignPoint], row) -> Limit:
+    tightest = max(flown, key=lambda point: point.tension)
+    allowed = tension_limit(evaluation.configuration, evaluation.requirements)
+    breaking = evaluation.configuration.cable.breaking_tension
+    against = (
+        f"of {allowed:.4g} N allowed ({evaluation.requirements.tension:.3g} of the breaking "
+        f"tension {breaking:.4g} N)"
+        if isfinite(allowed)
+        else "not judged, the breaking tension is not given"
+    )
+    return row(
+        Criterion.TENSION_LIMIT, tightest.flight,
+        f"tension {tightest.tension:.4g} N at {place(tightest)}, {against}",
+        tightest.tension, allowed, "N", tightest.tension / allowed,
     )  # fmt: skip
 
 
@@ -154,66 +203,10 @@ def _radius_row(evaluation: Evaluation, flown: list[DesignPoint], row) -> Limit:
     limit = requirements.radius_limit(widest.flight.radius)
     against = f"limit {limit:.4g} m" if isfinite(limit) else "no limit given"
     return row(
-        Criterion.END_MASS_RADIUS, widest,
+        Criterion.END_MASS_RADIUS, widest.flight,
         f"end-mass radius {widest.end_mass_radius:.4g} m "
         f"({widest.end_mass_radius_share:.3g} of the tow radius) at {place(widest)}, {against}",
         widest.end_mass_radius, limit, "m", use(widest),
-    )  # fmt: skip
-
-
-def _way_in_limits(evaluation: Evaluation) -> Iterable[Limit]:
-    judged = [(way, evaluation.way_in_violations(way)) for way in evaluation.judged_ways_in]
-
-    def row(criterion, place, speed, text, value, limit=nan, unit="", use=0.0):
-        violated = sum(criterion in found for _, found in judged)
-        return Limit(
-            criterion, evaluation.requirements.way_in, text, value, limit, unit, use,
-            place.radius, speed, place.cable_length, violated, len(judged),
-        )  # fmt: skip
-
-    def at(criterion, point, *rest):
-        return row(criterion, point.flight, point.flight.speed, *rest)
-
-    points = [point for way, _ in judged for point in way.points]
-    flown = [point for point in points if point.state is not None]
-    jumps = [(jump, way.speed) for way, _ in judged for jump in way.jumps]
-    missing = [point for point in points if point.state is None]
-    # After a jump onto nothing stable there is nothing to follow.
-    if missing and not jumps:
-        why = missing[0].reason or "the state was lost"
-        text = f"no steady state at {place(missing[0])}: {why}"
-        yield at(Criterion.NO_SOLUTION, missing[0], text, float(len(missing)), 0.0)
-    if not flown:
-        return
-    most = max(flown, key=lambda point: point.solutions)
-    yield at(
-        Criterion.MULTIPLE_SOLUTIONS, most,
-        "one steady state at every point computed" if most.solutions == 1
-        else f"{most.solutions} steady states at {place(most)}, 1 is required",
-        float(most.solutions), 1.0,
-    )  # fmt: skip
-    if jumps:
-        jump, speed = max(jumps, key=lambda pair: _size(pair[0]))
-        yield row(
-            Criterion.JUMPED, jump, speed, f"the end mass jumps {way_jump_text(jump, speed)}",
-            jump.before, nan, "m", 1.0,
-        )  # fmt: skip
-    least = min(flown, key=lambda point: point.margin)
-    text = (
-        f"stable all the way: least margin {least.margin:.3g} 1/s at {place(least)}"
-        if least.stable
-        else f"{least.damping.nearest_loss} at {place(least)}: disturbances grow at "
-        f"{-least.margin:.3g} 1/s"
-    )
-    use = 0.0 if least.stable else inf
-    yield at(Criterion.UNSTABLE, least, text, least.margin, 0.0, "1/s", use)
-    tightest = max(flown, key=lambda point: point.tension)
-    allowed = tension_limit(evaluation.configuration, evaluation.requirements)
-    yield at(
-        Criterion.TENSION_LIMIT, tightest,
-        f"tension {tightest.tension:.4g} N at {place(tightest)}, "
-        + (f"of {allowed:.4g} N allowed" if isfinite(allowed) else "not judged"),
-        tightest.tension, allowed, "N", tightest.tension / allowed,
     )  # fmt: skip
 
 

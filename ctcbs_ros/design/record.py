@@ -4,12 +4,13 @@ from dataclasses import asdict
 from typing import Any
 
 from ctcbs_ros import __version__
+from ctcbs_ros.design.changes import change_named
 from ctcbs_ros.design.chart import ChartColumn
 from ctcbs_ros.design.design import Design
 from ctcbs_ros.design.evaluation import Evaluation
 from ctcbs_ros.design.limits import Limit
 from ctcbs_ros.design.point import DesignPoint
-from ctcbs_ros.design.remedies import Remedy, change_of
+from ctcbs_ros.design.remedies import Remedy
 from ctcbs_ros.design.requirements import Criterion
 from ctcbs_ros.design.text import verdict_line
 from ctcbs_ros.design.way_in import WayIn
@@ -133,7 +134,7 @@ def _limit(limit: Limit) -> Record:
 
 
 def _remedy(remedy: Remedy) -> Record:
-    change = change_of(remedy)
+    change = change_named(remedy.change)
     return {
         "change": remedy.change,
         "found": remedy.found,

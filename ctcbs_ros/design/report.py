@@ -7,8 +7,9 @@ from math import inf, isfinite
 from pathlib import Path
 
 from ctcbs_ros import __version__
+from ctcbs_ros.design.changes import change_named
 from ctcbs_ros.design.design import Design
-from ctcbs_ros.design.remedies import Remedy, change_of
+from ctcbs_ros.design.remedies import Remedy
 from ctcbs_ros.design.report_plots import envelope_plot, way_in_plot
 from ctcbs_ros.design.text import (
     ASSUMPTIONS,
@@ -163,7 +164,7 @@ def _remedies(design: Design) -> str:
 
 
 def _remedy_row(remedy: Remedy) -> tuple[str, ...]:
-    change = change_of(remedy)
+    change = change_named(remedy.change)
     return (
         remedy.change,
         f"{change.quantity} {remedy.bound} {amount(remedy, remedy.value)}",

@@ -3,10 +3,11 @@
 from collections.abc import Iterator
 from math import isfinite
 
+from ctcbs_ros.design.changes import change_named
 from ctcbs_ros.design.design import Design
 from ctcbs_ros.design.limits import ENVELOPE, Limit, way_jump_text
 from ctcbs_ros.design.point import DesignPoint
-from ctcbs_ros.design.remedies import Remedy, change_of
+from ctcbs_ros.design.remedies import Remedy
 from ctcbs_ros.design.way_in import DEPLOYMENT, ENTRY, WayIn
 
 ASSUMPTIONS = (
@@ -269,7 +270,7 @@ def vain_text(remedy: Remedy) -> str:
 
 def remedy_text(remedy: Remedy) -> str:
     """One remedy that was found, with the options that apply it."""
-    change = change_of(remedy)
+    change = change_named(remedy.change)
     remark = f", {change.remark}" if change.remark else ""
     return (
         f"{remedy.change}: {change.quantity} {remedy.bound} {amount(remedy, remedy.value)} (now "
@@ -291,7 +292,7 @@ def option(value) -> str:
 
 def amount(remedy: Remedy, value: float) -> str:
     """A value of what a remedy changes, with its unit."""
-    change = change_of(remedy)
+    change = change_named(remedy.change)
     if change.quantity == "cable diameter":
         return f"{1000.0 * value:.4g} mm"
     return f"{value:.4g} {change.unit}"
