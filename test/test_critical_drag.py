@@ -4,13 +4,16 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
 from scans import FIG_31, FIG_41, most_states, states_at
 from scipy.optimize import brentq, minimize_scalar
 
+from ctcbs_ros.cli.main import main
 from ctcbs_ros.solver.critical_drag import (
+    CriticalDrag,
     critical_drag,
     least_drag_stable_everywhere,
     least_stable_drag,
@@ -18,6 +21,7 @@ from ctcbs_ros.solver.critical_drag import (
 from ctcbs_ros.solver.cusp import cusp
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
+from ctcbs_ros.solver.stability_loss import SAMPLED, first_zero_from_above
 
 
 def test_branch_is_all_stable_just_above_the_drag_for_stability_everywhere():
@@ -109,6 +113,34 @@ def test_a_later_minimum_that_loses_stability_does_not_count(parameters, first, 
     assert least_stable_drag(parameters) is None
 
 
+def test_a_rate_that_never_grows_needs_no_drag_and_one_that_grows_at_the_largest_has_none_enough():
+    for rate, drag in ((-0.1, None), (0.1, inf)):
+        found = first_zero_from_above(lambda *_, rate=rate: (rate, None), SAMPLED, 12)
+        assert found == drag
+        assert CriticalDrag(4.0, found, None).required == (drag or 4.0)
+
+
+def test_command_says_whether_no_drag_is_needed_or_none_suffices(capsys, monkeypatch):
+    # The parameters of `test_a_later_minimum_that_loses_stability_does_not_count`.
+    arguments = "critical-drag --length 5.7573 --end-mass 6.6487 --drag-ratio 3.947".split()
+    assert main([*arguments, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["stable"] is None
+    assert result["reasons"] == {"stable": "none needed: holds at every d_n from 0.01 to 2000"}
+    monkeypatch.setattr(
+        "ctcbs_ros.solver.critical_drag.critical_drag",
+        lambda *_, **__: CriticalDrag(None, inf, 3.0),
+    )
+    assert main([*arguments, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    suffices = "none suffices: fails even at d_n 2000"
+    assert [result[key] for key in ("unique", "stable", "required")] == [None] * 3
+    assert result["reasons"]["stable"] == result["reasons"]["required"] == suffices
+    assert result["reasons"]["unique"].startswith("none needed")
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.splitlines()[1] == f"stable            {suffices}"
+
+
 def test_first_minimum_of_a_short_cable_is_judged_wherever_it_is():
     parameters = replace(FIG_31, length=2.0)
     drag = least_stable_drag(parameters)
@@ -144,7 +176,7 @@ def test_commands_print_the_same_as_json():
     assert drag == pytest.approx(cusp(FIG_31).cable_drag, rel=1e-9)
     done = ctcbs("critical-drag", *arguments)
     assert set(json.loads(done.stdout)) == {
-        "unique", "stable", "required", "stable_everywhere"
+        "unique", "stable", "required", "stable_everywhere", "reasons"
     }
 
 

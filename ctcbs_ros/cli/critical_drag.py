@@ -1,5 +1,7 @@
 """`ctcbs critical-drag`: the least cable drag for unique and for stable solutions."""
 
+from math import inf
+
 from ctcbs_ros.cli.cusp import add_arguments, parameters_from
 from ctcbs_ros.cli.output import print_json
 
@@ -15,7 +17,8 @@ def add_parser(subparsers) -> None:
         "stable (stable_everywhere). `required` is the larger of unique and stable. The first "
         "minimum is, at each drag, that of least omega on the branch connected to omega -> 0; "
         "where that branch has none, the one followed from larger drag onto the branch that has "
-        "parted from it.",
+        "parted from it. Where a value is null, `reasons` says why: no drag is needed, because the "
+        "condition holds at all that are looked at, or none suffices.",
     )
     add_arguments(parser)
     parser.set_defaults(run=run)
@@ -24,17 +27,24 @@ def add_parser(subparsers) -> None:
 def run(args) -> int:
     """Find both and print them."""
     from ctcbs_ros.solver.critical_drag import critical_drag
+    from ctcbs_ros.solver.fold_curve import DRAG_RANGE
 
     found = critical_drag(parameters_from(args), args.omega_max, everywhere=True)
-    result = {
+    values = {
         "unique": found.unique,
         "stable": found.stable,
         "required": found.required,
         "stable_everywhere": found.stable_everywhere,
     }
+    low, high = DRAG_RANGE
+    words = {
+        None: f"none needed: holds at every d_n from {low:g} to {high:g}",
+        inf: f"none suffices: fails even at d_n {high:g}",
+    }
+    reasons = {name: words[value] for name, value in values.items() if value in words}
     if args.json:
-        print_json(result)
+        print_json({**values, "reasons": reasons})
     else:
-        for name, value in result.items():
-            print(f"{name:17s} " + ("none" if value is None else f"d_n {value:.9g}"))
+        for name, value in values.items():
+            print(f"{name:17s} {reasons.get(name) or f'd_n {value:.9g}'}")
     return 0

@@ -180,11 +180,12 @@ def _chart_cautions(chart: Iterable[ChartColumn]) -> Iterable[Caution]:
                 "there, which a longer cable or more speed makes smaller",
             )
         if not column.enough_drag:
+            required = column.critical.required
             yield Caution(
                 "CABLE_DRAG",
                 f"{where} d_n is {column.parameters.cable_drag:.3g}; at every omega up to "
                 f"{column.omega_max:.3g} unique and stable solutions need "
-                f"{column.critical.required:.3g}",
+                + (f"{required:.3g}" if isfinite(required) else "more than any"),
             )
         if column.note:
             yield Caution("CHART", f"{where} the design chart has gaps: {column.note}")

@@ -1,6 +1,7 @@
 """A design as JSON: every point, limit, remedy and figure, the unit at the end of each name."""
 
 from dataclasses import asdict
+from math import inf
 from typing import Any
 
 from ctcbs_ros import __version__
@@ -172,6 +173,7 @@ def _column(column: ChartColumn) -> Record:
         "required_unique": column.critical.unique,
         "required_stable": column.critical.stable,
         "required": column.critical.required,
+        "none_suffices": column.critical.required == inf,
         "enough_drag": column.enough_drag,
         "minimum_speed_m_s": column.minimum_speed,
         "minimum_radius_m": column.minimum_radius,

@@ -206,6 +206,11 @@ def chart_rows(design: Design) -> list[list[str]]:
     def value(number) -> str:
         return "none" if number is None else f"{number:.4g}"
 
+    def least(column, drag) -> str:
+        if drag is None:
+            return "not found" if column.note else "none needed"
+        return f"{drag:.4g}" if isfinite(drag) else "none suffices"
+
     def row(name, cell):
         return [name, *(cell(column) for column in design.chart)]
 
@@ -229,8 +234,8 @@ def chart_rows(design: Design) -> list[list[str]]:
         parameter("elasticity gamma", "elasticity"),
         parameter("drag ratio f", "drag_ratio"),
         parameter("cable drag d_n", "cable_drag"),
-        row("least d_n for unique states", lambda c: value(c.critical.unique)),
-        row("least d_n for stable states", lambda c: value(c.critical.stable)),
+        row("least d_n for unique states", lambda c: least(c, c.critical.unique)),
+        row("least d_n for stable states", lambda c: least(c, c.critical.stable)),
         row(
             "least end-mass radius",
             lambda c: "none" if c.minimum_speed is None

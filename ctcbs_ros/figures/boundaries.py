@@ -5,7 +5,7 @@ Where a locus has no point at a length, the row says so in its note and is drawn
 
 from dataclasses import replace
 from itertools import pairwise
-from math import hypot, log
+from math import hypot, inf, log
 
 import numpy as np
 
@@ -28,7 +28,8 @@ CUSP_COLUMNS = (
     "end_mass_radius", "note",
 )
 CUSP = "cusp"
-_NONE = "no such drag from 0.01 to 2000"
+_NONE_NEEDED = "holds at every drag from 0.01 to 2000"
+_NONE_SUFFICES = "fails even at a drag of 2000"
 # Distance of neighbouring points of a fold path, in the logarithms of its quantities.
 _STEP = 0.04
 
@@ -127,7 +128,9 @@ def _least(function, kind: str, name: str, length, end_mass, drag_ratio) -> Row:
         found = function(Parameters(1.0, length, end_mass, 1.0, drag_ratio))
     except ArithmeticError as error:
         return row | {"note": str(error)}
-    return row | ({"note": _NONE} if found is None else {"cable_drag": found})
+    if found is None:
+        return row | {"note": _NONE_NEEDED}
+    return row | ({"note": _NONE_SUFFICES} if found == inf else {"cable_drag": found})
 
 
 def _dense(surface: Surface, found: FoldCurve) -> list[LocusPoint]:

@@ -19,7 +19,10 @@ from ctcbs_ros.solver.stability_loss import SAMPLED, first_zero_from_above
 
 @dataclass(frozen=True)
 class CriticalDrag:
-    """Least cable drag above which solutions are unique and stable; None if there is none.
+    """Least cable drag above which solutions are unique and stable.
+
+    None where none is needed: the condition holds at every drag in `DRAG_RANGE`. inf where none
+    suffices: it fails at the largest.
 
     Attributes
     ----------
@@ -63,8 +66,6 @@ def critical_drag(
     Returns
     -------
     CriticalDrag
-        A value is None where the condition holds for every drag in `DRAG_RANGE`, or fails at its
-        upper end.
     """
     return CriticalDrag(
         least_unique_drag(parameters, omega_max),
@@ -74,7 +75,7 @@ def critical_drag(
 
 
 def least_stable_drag(parameters: Parameters) -> float | None:
-    """Least drag above which the state at the first minimum of the radius is stable, or None.
+    """Least drag above which the state at the first minimum of the radius is stable.
 
     Parameters
     ----------
@@ -84,6 +85,7 @@ def least_stable_drag(parameters: Parameters) -> float | None:
     Returns
     -------
     float or None
+        None where it is stable at every drag, inf where it is not at the largest.
 
     Notes
     -----
@@ -105,7 +107,8 @@ def least_stable_drag(parameters: Parameters) -> float | None:
 def least_drag_stable_everywhere(
     parameters: Parameters, omega_max: float = OMEGA_MAX
 ) -> float | None:
-    """Least drag above which the branch connected to omega -> 0 is all stable, or None."""
+    """Least drag above which the branch connected to omega -> 0 is all stable; None, inf as above.
+    """
     def growth(delta, functions, near):
         there = replace(parameters, cable_drag=exp(delta))
         return largest_growth(there, omega_max, functions, near)

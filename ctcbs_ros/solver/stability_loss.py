@@ -5,7 +5,7 @@ looked at more closely where it comes near zero in between, and its first zero i
 many functions as it needs. That may be a jump of the rate.
 """
 
-from math import exp, log
+from math import exp, inf, log
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -27,7 +27,7 @@ _MOST_RIVALS = 5
 
 
 def first_zero_from_above(growth, drags, rough: int) -> float | None:
-    """The largest drag at which a growth rate, negative above, is zero; None without one.
+    """The largest drag at which a growth rate, negative above, is zero.
 
     Parameters
     ----------
@@ -38,6 +38,11 @@ def first_zero_from_above(growth, drags, rough: int) -> float | None:
         ln d_n from above, at which the rate is sampled.
     rough : int
         Functions for the samples.
+
+    Returns
+    -------
+    float or None
+        None where the rate is negative at every drag; inf where it is not at the largest.
     """
     seen: list[tuple[float, float, np.ndarray | None]] = []
     for delta in drags:
@@ -45,7 +50,7 @@ def first_zero_from_above(growth, drags, rough: int) -> float | None:
         zero = None
         if seen[-1][1] >= 0.0:
             if len(seen) == 1:
-                return None
+                return inf
             zero = _zero(growth, *seen[-1], seen[-2][0])
         else:
             peak = _peak(growth, seen[-3:], rough)
