@@ -13,26 +13,22 @@ from math import log, sqrt
 
 import numpy as np
 
-from ctcbs_ros.solver.family import ANGULAR_RATE
 from ctcbs_ros.solver.fold_curve import (
     DRAG_RANGE,
     FoldCurve,
     LocusPoint,
     Surface,
+    branches_from_above,
     curve_through,
     cusps_near,
-    falling,
     folds_on,
     near,
     point,
 )
-from ctcbs_ros.solver.level_set import curves
 from ctcbs_ros.solver.parameters import Parameters
 
 OMEGA_MAX = 3.0
-_RATIO = 1.6
-_CUTS = 5
-_SCAN = 1e-7
+_CUTS = 5  # in omega, at the least
 
 
 def cusp(parameters: Parameters, omega_max: float = OMEGA_MAX) -> LocusPoint | None:
@@ -101,12 +97,10 @@ def _from_above(
     low = np.array([log(min(slowest_fold(parameters), 0.5 * omega_max)), log(DRAG_RANGE[0])])
     high = np.array([log(omega_max), log(DRAG_RANGE[1])])
     cusps: list[np.ndarray] = []
-    for delta in falling(low[1], high[1], _RATIO):
+    for delta, branches in branches_from_above(surface, low, high, _CUTS):
         found, lines = [], []
         above = np.array([low[0], delta - 1e-9])
-        for points in curves(
-            surface.with_drag(delta), ANGULAR_RATE, low[0], high[0], _CUTS, _SCAN
-        ):
+        for points in branches:
             for z in cusps_near(surface, delta, points, low, high):
                 if not any(np.abs(z - other).max() < 1e-5 for other in cusps):
                     cusps.append(z)
@@ -117,7 +111,7 @@ def _from_above(
                 if curve is not None:
                     found.append(curve)
                     lines.append(line)
-        yield float(delta), found, [point(z) for z in cusps]
+        yield delta, found, [point(z) for z in cusps]
 
 
 def slowest_fold(parameters: Parameters) -> float:

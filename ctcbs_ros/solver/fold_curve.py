@@ -6,6 +6,7 @@ branches there (isolated ones included), every one that has a cusp by looking fo
 steepest places of those branches; each is then followed by arc length until it leaves the range.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import exp, log
 
@@ -26,7 +27,7 @@ OMEGA_RANGE = (0.02, 3.0)
 DRAG_RANGE = (0.01, 2000.0)
 DRAG = Family("cable_drag", cable_drag=1.0, end_mass_drag=1.0)
 # Ratio of neighbouring drags at which all branches are traced, and cuts in omega on each.
-_RATIO = 1.6
+DRAG_STEP = 1.6
 _CUTS = 9
 _SCAN = 1e-7
 # Branches steeper than this (cosine of the gradient with the u axis) may be near a cusp.
@@ -201,10 +202,8 @@ def checked_box(omega_range, drag_range) -> tuple[np.ndarray, np.ndarray]:
 def _seeds(surface: Surface, low, high):
     """Points on fold curves: the folds at a set of drags, and the cusps."""
     cusps: list[np.ndarray] = []
-    for delta in falling(low[1], high[1], _RATIO):
-        for points in curves(
-            surface.with_drag(delta), ANGULAR_RATE, low[0], high[0], _CUTS, _SCAN
-        ):
+    for delta, branches in branches_from_above(surface, low, high):
+        for points in branches:
             yield from folds_on(surface, delta, points, low, high)
             for z in cusps_near(surface, delta, points, low, high):
                 if not any(np.abs(z - other).max() < 1e-5 for other in cusps):
@@ -212,9 +211,18 @@ def _seeds(surface: Surface, low, high):
                     yield z
 
 
-def falling(low: float, high: float, ratio: float) -> np.ndarray:
-    """Logarithms of drags from high to low, neighbours at most a ratio apart."""
-    return np.linspace(high, low, max(int(np.ceil((high - low) / log(ratio))) + 1, 2))
+def branches_from_above(
+    surface: Surface, low, high, cuts: int = _CUTS
+) -> Iterator[tuple[float, list[np.ndarray]]]:
+    """For drags from above: ln d_n, and all branches over omega there."""
+    for delta in falling(low[1], high[1]):
+        there = surface.with_drag(delta)
+        yield float(delta), curves(there, ANGULAR_RATE, low[0], high[0], cuts, _SCAN)
+
+
+def falling(low: float, high: float) -> np.ndarray:
+    """Logarithms of drags from high to low, neighbours at most `DRAG_STEP` apart."""
+    return np.linspace(high, low, max(int(np.ceil((high - low) / log(DRAG_STEP))) + 1, 2))
 
 
 def folds_on(surface: Surface, delta: float, points, low, high):

@@ -15,17 +15,17 @@ from scipy.linalg import lu_factor, lu_solve
 from ctcbs_ros.kernels import fold_curve as kernel
 from ctcbs_ros.kernels.trajectory import OK
 from ctcbs_ros.solver.blas import one_blas_thread
-from ctcbs_ros.solver.family import ANGULAR_RATE
-from ctcbs_ros.solver.fold_curve import DRAG_RANGE, OMEGA_RANGE, Surface, checked_box
-from ctcbs_ros.solver.level_set import curves
+from ctcbs_ros.solver.fold_curve import (
+    DRAG_RANGE,
+    OMEGA_RANGE,
+    Surface,
+    branches_from_above,
+    checked_box,
+)
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import FUNCTIONS, eigenvalues, vibration_matrix
 from ctcbs_ros.solver.steady_state import TOLERANCE, describe
 
-# Ratio of neighbouring drags at which growth is looked for along all branches.
-_RATIO = 1.6
-_CUTS = 9
-_SCAN = 1e-7
 # Functions a coordinate: on the look-out, and at least along the curve.
 _SCAN_FUNCTIONS, _FEWEST = 8, 12
 _RESOLVED = 5e-5  # change of the growth rate along a curve that more functions may still bring
@@ -141,11 +141,8 @@ def _all_curves(surface: Surface, low, high) -> list[HopfCurve]:
 
 def _seeds(surface: Surface, low, high):
     """Rough points (z, pair) between which a state gains or loses stability by flutter."""
-    count = int(np.ceil((high[1] - low[1]) / np.log(_RATIO))) + 1
-    for delta in np.linspace(high[1], low[1], max(count, 2)):
-        for points in curves(
-            surface.with_drag(delta), ANGULAR_RATE, low[0], high[0], _CUTS, _SCAN
-        ):
+    for delta, branches in branches_from_above(surface, low, high):
+        for points in branches:
             before = None
             for tau, u in points[:, :2]:
                 z = np.array([tau, delta, u])

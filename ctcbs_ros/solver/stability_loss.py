@@ -10,12 +10,11 @@ from math import exp, inf, log
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from ctcbs_ros.solver.fold_curve import DRAG_RANGE, falling
+from ctcbs_ros.solver.fold_curve import DRAG_RANGE, DRAG_STEP, falling
 from ctcbs_ros.solver.stability import FUNCTIONS
 
-_RATIO = 1.6
-# ln d_n at which a rate is sampled, from above: neighbours at most a ratio apart.
-SAMPLED: tuple[float, ...] = tuple(falling(*np.log(DRAG_RANGE), _RATIO).tolist())
+# ln d_n at which a rate is sampled, from above.
+SAMPLED: tuple[float, ...] = tuple(falling(*np.log(DRAG_RANGE)).tolist())
 _LOCATED = 1e-10  # ln d_n, in the functions used
 # A largest growth rate between two drags is looked for where it is nearer to zero than this.
 _NEAR = 0.05
@@ -110,7 +109,7 @@ def _zero_near(growth, below: float, near, above: float, tried) -> tuple[float, 
             low, high = below, above
         while followed(high, functions) >= 0.0 and high < log(DRAG_RANGE[1]):
             # Fewer functions said that it decays here.
-            high += log(_RATIO)
+            high += log(DRAG_STEP)
         try:
             new = float(brentq(followed, low, high, args=(functions,), xtol=_LOCATED))
         except ValueError:
