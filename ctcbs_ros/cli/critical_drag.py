@@ -17,8 +17,8 @@ def add_parser(subparsers) -> None:
         "stable (stable_everywhere). `required` is the larger of unique and stable. The first "
         "minimum is, at each drag, that of least omega on the branch connected to omega -> 0; "
         "where that branch has none, the one followed from larger drag onto the branch that has "
-        "parted from it. Where a value is null, `reasons` says why: no drag is needed, because the "
-        "condition holds at all that are looked at, or none suffices.",
+        "parted from it. Where a value is null, `reasons` says why: either no drag is needed, as "
+        "the condition holds at all that are looked at, or none suffices.",
     )
     add_arguments(parser)
     parser.set_defaults(run=run)

@@ -14,7 +14,8 @@ def add_parser(subparsers) -> None:
         help="verdict on a design, what limits it, and what to change by how much",
         description="Judge every point of the envelope and of the deployment: one steady state, "
         "stable, end-mass radius, tension. Where something fails, find the least change of each "
-        "kind that makes all of it good.",
+        "kind that makes all of it good. A verdict of NOT OK is a result like any other and ends "
+        "with 0; --exit-code makes it 1.",
     )
     add = parser.add_argument
     add("config", metavar="CONFIG", help="configuration file")
@@ -51,6 +52,7 @@ def add_parser(subparsers) -> None:
     )
     add("--report", metavar="FILE", help="write a report with plots (one HTML file)")
     add("--json", action="store_true", help="the result, with all points, as JSON on stdout")
+    add("--exit-code", action="store_true", help="end with 1 where the verdict is NOT OK")
     parser.set_defaults(run=run)
 
 
@@ -78,7 +80,7 @@ def run(args) -> int:
         print_json(design_record(design))
     else:
         print(design_text(design))
-    return 0
+    return 1 if args.exit_code and not design.good else 0
 
 
 def _density(args: argparse.Namespace, configuration) -> float:
