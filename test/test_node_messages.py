@@ -19,7 +19,7 @@ from ctcbs_ros.nodes import messages
 from ctcbs_ros.nodes.diagnostics import Monitor
 from ctcbs_ros.nodes.markers import cable_markers, deletions
 from ctcbs_ros.orbit.orbit import Orbit
-from ctcbs_ros.prediction.codes import Level, SkipCode, Warning, WarningCode
+from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import (
     EndMass,
     EndMassState,
@@ -28,6 +28,7 @@ from ctcbs_ros.prediction.prediction import (
     Prediction,
 )
 from ctcbs_ros.prediction.record import prediction_record
+from ctcbs_ros.telemetry.skip_code import SkipCode
 from ctcbs_ros.telemetry.topics import TopicSamples, velocity_enu
 
 # --- messages to samples ------------------------------------------------------------------------

@@ -12,8 +12,9 @@ from reference_bvp import boundary_value_problem
 from sample_flights import PLACES, orbiting, samples_of
 
 from ctcbs_ros.configuration import load_configuration
-from ctcbs_ros.prediction.codes import SkipCode, WarningCode
+from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.telemetry.skip_code import SkipCode
 
 DRONE = load_configuration("small_drone")
 FOLDING = folding_configuration()

@@ -16,7 +16,7 @@ import pytest
 
 from ctcbs_ros.cli.main import main
 from ctcbs_ros.configuration import load_configuration
-from ctcbs_ros.prediction.codes import SkipCode, WarningCode
+from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import end_mass_fields, prediction_record
@@ -25,6 +25,7 @@ from ctcbs_ros.replay.folder import complete_folder
 from ctcbs_ros.replay.tables import PREDICTION_COLUMNS, SAMPLE_COLUMNS
 from ctcbs_ros.replay.text import SKIPS, WARNINGS, summary_text
 from ctcbs_ros.table import table_for
+from ctcbs_ros.telemetry.skip_code import SkipCode
 from ctcbs_ros.telemetry.source import open_log
 
 DRONE = Path(__file__).parents[1] / "config" / "small_drone.yaml"

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.DFReader import FORMAT_TO_STRUCT
 
-from ctcbs_ros.prediction.codes import SkipCode
 from ctcbs_ros.telemetry.dataflash import DataflashDecoder
 from ctcbs_ros.telemetry.link import Vehicle
 from ctcbs_ros.telemetry.screen import Screen
+from ctcbs_ros.telemetry.skip_code import SkipCode
 
 # Ids and layouts as ArduPilot 4.5 writes them (FMT messages of plane_sitl_guided_loiter.BIN).
 LAYOUTS = {

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ctcbs_ros.geodesy import Datum, to_geodetic
-from ctcbs_ros.prediction.codes import SkipCode
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.screen import Screen
+from ctcbs_ros.telemetry.skip_code import SkipCode
 
 HOME = Datum(47.4, 8.5, 500.0, False)
 

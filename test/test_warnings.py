@@ -9,7 +9,7 @@ from sample_flights import orbiting, samples_of
 
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.prediction.branch import Tracked
-from ctcbs_ros.prediction.codes import Level, SkipCode, WarningCode
+from ctcbs_ros.prediction.codes import Level, WarningCode
 from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.tally import Tally
@@ -20,6 +20,7 @@ from ctcbs_ros.prediction.warnings import (
     tracking_warnings,
     wind_warnings,
 )
+from ctcbs_ros.telemetry.skip_code import SkipCode
 
 DRONE = load_configuration("small_drone")
 FLIGHT = orbiting()

@@ -6,10 +6,11 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from ctcbs_ros.prediction.codes import Level, SkipCode, Warning, WarningCode
+from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import Prediction
 from ctcbs_ros.prediction.record import Record, end_mass_fields, finite, orbit_fields
 from ctcbs_ros.prediction.tally import Tally
+from ctcbs_ros.telemetry.skip_code import SkipCode
 
 LEVELS = {Level.WARN: DiagnosticStatus.WARN, Level.ERROR: DiagnosticStatus.ERROR}
 # Where a warning is reported, if not under "prediction".

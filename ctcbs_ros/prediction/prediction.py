@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ctcbs_ros.orbit.orbit import Orbit
-from ctcbs_ros.prediction.codes import SkipCode, Warning
+from ctcbs_ros.prediction.codes import Warning
+from ctcbs_ros.telemetry.skip_code import SkipCode
 
 
 @dataclass(frozen=True)

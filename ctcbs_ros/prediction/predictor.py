@@ -16,7 +16,7 @@ from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.ground_speed import GroundSpeedVariation
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.prediction.branch import Tracked
-from ctcbs_ros.prediction.codes import SkipCode, Warning
+from ctcbs_ros.prediction.codes import Warning
 from ctcbs_ros.prediction.history import History
 from ctcbs_ros.prediction.in_si import end_mass_in_si, state_in_si
 from ctcbs_ros.prediction.pose import end_mass_position
@@ -37,6 +37,7 @@ from ctcbs_ros.table.table import Table
 from ctcbs_ros.telemetry.local_frame import LocalFrame, LocalSample
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.screen import Screen
+from ctcbs_ros.telemetry.skip_code import SkipCode
 
 # Without telemetry for longer [s], nothing is known of what was flown meanwhile.
 _LONGEST_GAP = 30.0

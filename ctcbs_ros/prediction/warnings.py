@@ -5,8 +5,9 @@ from math import inf, isfinite, nan
 from ctcbs_ros.configuration import Cable, Envelope, WarningLimits
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.prediction.branch import Tracked
-from ctcbs_ros.prediction.codes import Level, SkipCode, Warning, WarningCode
+from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import EndMass
+from ctcbs_ros.telemetry.skip_code import SkipCode
 
 # Unevenness of the ground speed along a circle, over its mean, that only wind explains.
 WIND_VARIATION = 0.05

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from ctcbs_ros.orbit.segments import LEAST_TURNS
-from ctcbs_ros.prediction.codes import SkipCode, WarningCode
+from ctcbs_ros.prediction.codes import WarningCode
+from ctcbs_ros.telemetry.skip_code import SkipCode
 
 SKIPS = {
     SkipCode.BAD_FIX: "no 3D fix yet, poor accuracy, or a start-up position",

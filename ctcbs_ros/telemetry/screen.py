@@ -9,9 +9,9 @@ A time far ahead is believed once another sample follows it: after a gap the sec
 from math import hypot, isfinite
 
 from ctcbs_ros.geodesy import Datum, to_enu
-from ctcbs_ros.prediction.codes import SkipCode
 from ctcbs_ros.telemetry.evidence import FIX_3D
 from ctcbs_ros.telemetry.sample import Sample, Vector
+from ctcbs_ros.telemetry.skip_code import SkipCode
 
 # What an aircraft that tows can do; beyond it the sample is damaged.
 LARGEST_SPEED = 400.0  # m/s
