@@ -30,6 +30,18 @@ EDGES = (
 LOG_READERS = ("pyulog", "rosbags")
 # ... and only these join them to the core.
 JOINTS = ("cli/", "replay/", "telemetry/source.py", "__main__.py")
+# The rooms of the core's picture, each with the rooms below it.
+BELOW = {
+    "kernels": set(),
+    "telemetry": set(),
+    "solver": {"kernels"},
+    "orbit": {"kernels"},
+    "table": {"kernels", "solver"},
+    "figures": {"kernels", "solver"},
+    "design": {"kernels", "solver"},
+    "prediction": {"kernels", "solver", "orbit", "table", "telemetry"},
+    "replay": {"kernels", "solver", "orbit", "table", "telemetry", "prediction"},
+}
 
 
 def modules(leave_out):
@@ -72,6 +84,17 @@ def test_the_ends_that_may_import_ros_and_mavlink_do_so():
     edges = {path for path, _ in modules(())} - {path for path, _ in modules(EDGES)}
     roots = {name.split(".")[0] for path in edges for name in imported_names(path)}
     assert {"rclpy", "pymavlink"} <= roots
+
+
+@pytest.mark.parametrize("room", BELOW)
+def test_nothing_imports_what_is_above_it(room):
+    rooms = {folder.name for folder in PACKAGE.iterdir() if (folder / "__init__.py").is_file()}
+    above = tuple(f"ctcbs_ros.{name}" for name in rooms - BELOW[room] - {room})
+    files = list((PACKAGE / room).glob("*.py"))
+    assert len(files) > 2
+    for path in files:
+        up = [name for name in imported_names(path) if name.startswith(above)]
+        assert not up, f"{path} imports {up}"
 
 
 def test_core_is_imported_where_neither_ros_nor_mavlink_is_installed():
