@@ -51,7 +51,8 @@ def write_plots(
 
 def track_figure(predictions: Table, samples: Table, orbits: list[dict[str, Any]]):
     """East and north of tow point and end mass, with the circles of each orbit."""
-    figure = _figure(8.0, 8.0)
+    longest = sorted(orbits, key=lambda orbit: -orbit["turns"])[:MOST_ORBITS]
+    figure = _figure(8.0, 7.4 + 0.2 * (len(longest) + 3) / 2)
     axes = figure.subplots()
     time = _column(samples, "time_s")
     axes.plot(
@@ -68,7 +69,6 @@ def track_figure(predictions: Table, samples: Table, orbits: list[dict[str, Any]
         east = _column(predictions, f"{name}_east_m")
         north = _column(predictions, f"{name}_north_m")
         axes.plot(*_broken(time, east, north)[1:], color=color, linewidth=1.2, label=label)
-    longest = sorted(orbits, key=lambda orbit: -orbit["turns"])[:MOST_ORBITS]
     for number, orbit in enumerate(orbits, 1):
         during = (time >= orbit["start_s"]) & (time <= orbit["end_s"])
         if orbit in longest and during.any():
@@ -79,7 +79,7 @@ def track_figure(predictions: Table, samples: Table, orbits: list[dict[str, Any]
     axes.set_xlabel("east [m]")
     axes.set_ylabel("north [m]")
     axes.grid(alpha=0.3)
-    figure.legend(loc="outside lower center", ncols=2, frameon=False)
+    figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize="small")
     return figure
 
 
@@ -112,12 +112,8 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
             )  # fmt: skip
         jump.legend(loc="best", frameon=False)
     else:
-        jump.set_yticks([])
         nothing = "no change of angular rate within reach makes the end mass jump"
-        jump.text(
-            0.5, 0.5, nothing if len(time) else "no prediction",
-            transform=jump.transAxes, ha="center", va="center",
-        )  # fmt: skip
+        _say_instead(jump, nothing if len(time) else "no prediction")
 
     _draw_warnings(strip, samples, codes)
     strip.set_xlabel("time from the first believed sample [s]")
@@ -152,9 +148,14 @@ def end_mass_figure(predictions: Table, samples: Table):
     height.plot(*_broken(time, _column(predictions, "end_mass_height_above_home_m")), color=MASS)
     height.set_ylabel("height above\nthe ground [m]")
     height.set_xlabel("time from the first believed sample [s]")
+    known = np.isfinite(_column(predictions, "end_mass_height_above_home_m")).any()
     whole = _column(samples, "time_s")
     for axes in (radius, depth, height):
         axes.grid(alpha=0.3)
+        if not len(time):
+            _say_instead(axes, "no prediction")
+        elif axes is height and not known:
+            _say_instead(axes, "not known: no height above home or ground")
         if np.isfinite(whole).any():
             axes.set_xlim(np.nanmin(whole), np.nanmax(whole))
     return figure
@@ -170,7 +171,7 @@ def _draw_orbit(axes, number: int, orbit: dict[str, Any], east: float, north: fl
         ha="center", va="center", fontsize="small",
         bbox={"boxstyle": "circle,pad=0.2", "facecolor": "white", "linewidth": 0.6},
     )  # fmt: skip
-    text = f"orbit {number}: {orbit['turns']:.1f} turns, radius {orbit['radius_m']:.1f} m"
+    text = f"orbit {number}: {orbit['turns']:.1f} turns of {orbit['radius_m']:.1f} m"
     if orbit["end_mass_radius_m"] is not None:
         text += f", end mass {orbit['end_mass_radius_m']:.2f} m"
     angle = np.linspace(0.0, 2.0 * pi, 181)
@@ -180,6 +181,12 @@ def _draw_orbit(axes, number: int, orbit: dict[str, Any], east: float, north: fl
                 east + radius * np.cos(angle), north + radius * np.sin(angle),
                 color="black", linewidth=0.8, linestyle=(0, (4, 4)), label=label,
             )  # fmt: skip
+
+
+def _say_instead(axes, text: str) -> None:
+    """Text in the place of a curve."""
+    axes.set_yticks([])
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center")
 
 
 def _draw_warnings(axes, samples: Table, codes: list[str]) -> None:

@@ -555,3 +555,15 @@ def test_a_whole_number_may_be_set_for_any_number():
         "with cable.length=500, envelope.radius=[100, 200], air.density=1"
     )
     assert np.isfinite(configuration.air.density)
+
+
+@pytest.mark.parametrize(("asked", "good", "code"), [
+    ([], False, 0), (["--exit-code"], False, 1), (["--exit-code"], True, 0),
+])  # fmt: skip
+def test_a_verdict_is_a_result_unless_it_is_asked_for_as_the_exit_code(
+    asked, good, code, weak, mended, monkeypatch, capsys
+):
+    design = mended if good else weak
+    monkeypatch.setattr("ctcbs_ros.design.design.carry_out", lambda *_, **__: design)
+    assert main(["design", "small_drone", *asked]) == code
+    assert capsys.readouterr().out.startswith("OK" if good else "NOT OK")

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ctcbs_ros import plots
 from ctcbs_ros.cli.main import main
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.prediction.codes import WarningCode
@@ -288,6 +289,49 @@ def test_interrupted_replay_leaves_no_files_and_no_traceback(
     assert errors.splitlines()[-1] == f"ctcbs: {said}"
     assert "Traceback" not in errors
     assert list(tmp_path.iterdir()) == []
+
+
+# --- pictures -----------------------------------------------------------------------------------
+
+
+def table_of(names, rows=()):
+    return {name: [str(row.get(name, "")) for row in rows] for name in names}
+
+
+def shown(figure, directory):
+    """The figure drawn, which is what gives its parts their places."""
+    figure.savefig(directory / "figure.png")
+    return figure
+
+
+def test_legend_of_the_track_lies_inside_the_picture_with_as_many_orbits_as_are_drawn(tmp_path):
+    orbits = [
+        {"turns": 112.34, "radius_m": 1000.0 + i, "end_mass_radius_m": 1000.12, "start_s": 10 * i,
+         "end_s": 10 * i + 9}
+        for i in range(10)
+    ]  # fmt: skip
+    rows = [
+        {"time_s": t, "orbit_center_east_m": 0.0, "orbit_center_north_m": 0.0} for t in range(100)
+    ]
+    predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+    figure = shown(plots.track_figure(predictions, samples, orbits), tmp_path)
+    (legend,) = figure.legends
+    assert len(legend.texts) == 3 + plots.MOST_ORBITS
+    place = legend.get_window_extent()
+    assert figure.bbox.x0 <= place.x0
+    assert place.x1 <= figure.bbox.x1
+    assert figure.bbox.y0 <= place.y0
+    assert place.y1 < figure.axes[0].get_window_extent().y0
+
+
+def test_pictures_of_a_flight_without_a_prediction_say_so(tmp_path):
+    rows = [{"time_s": t} for t in range(100)]
+    predictions, samples = table_of(PREDICTION_COLUMNS), table_of(SAMPLE_COLUMNS, rows)
+    figure = shown(plots.end_mass_figure(predictions, samples), tmp_path)
+    assert [[t.get_text() for t in axes.texts] for axes in figure.axes] == [["no prediction"]] * 3
+    limits = load_configuration(DRONE).limits
+    figure = shown(plots.margin_figure(predictions, samples, limits), tmp_path)
+    assert [t.get_text() for t in figure.axes[1].texts] == ["no prediction"]
 
 
 # --- bad input ----------------------------------------------------------------------------------
