@@ -37,6 +37,7 @@ def plot_diagram(path: str, name: str, result: dict) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(8, 5.5), layout="constrained")
+    figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
     labels = set()
 
     def once(label):

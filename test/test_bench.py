@@ -187,10 +187,12 @@ def test_a_machine_half_as_fast_is_no_slow_down_because_the_peer_is_slower_too()
 def test_a_slow_down_counts_only_if_it_is_there_again():
     (noise,) = judged(outcome(ratio=0.15), outcome(), again=[outcome(ratio=0.101)])
     assert not noise.slower
+    assert noise.measured == 2
     lasting = [outcome(ratio=0.131), outcome(ratio=0.14)]
     (slower,) = judged(outcome(ratio=0.15), outcome(), again=lasting)
     assert slower.slower
     assert slower.factor == pytest.approx(1.31)
+    assert slower.measured == 3
 
 
 def test_without_a_peer_in_one_of_the_runs_the_yardstick_decides():
@@ -246,12 +248,12 @@ def test_bench_writes_the_report_that_it_prints_and_compares_with_it(tmp_path, c
     assert printed["versions"]["numpy"] == np.__version__
 
     assert main(["bench", "--quick", "--only", "table-size", "--compare", str(file)]) == 0
-    assert "1.00  by size" in capsys.readouterr().out
+    assert "1.00  by size\n" in capsys.readouterr().out
 
     size["median"] /= 1.4
     written(file, printed)
     assert main(["bench", "--quick", "--only", "table-size", "--compare", str(file)]) == 1
-    assert "SLOWER" in capsys.readouterr().out
+    assert "  by size, the least of 3 measurements  SLOWER\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """The design procedure: Chapter 5's two designs, verdicts, deployments and remedies."""
 
 import base64
+import io
 import json
 import os
 import shlex
@@ -15,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from folding_flight import taut_inside
+from matplotlib.image import imread
 from points import TAUT_INSIDE
 from points import design as point_of_chapter_5
 from reference_bvp import boundary_value_problem, brute_force, greatest_tension
@@ -34,9 +36,10 @@ from ctcbs_ros.design.radii import good_radii
 from ctcbs_ros.design.record import design_record
 from ctcbs_ros.design.remedies import find_remedies, find_remedy
 from ctcbs_ros.design.report import report, write_report
+from ctcbs_ros.design.report_plots import envelope_plot, way_in_plot
 from ctcbs_ros.design.requirements import Criterion, Requirements, violations
 from ctcbs_ros.design.text import design_text
-from ctcbs_ros.design.way_in import deploy, deployment_jumps
+from ctcbs_ros.design.way_in import DEPLOYMENT, ENTRY, deploy, deployment_jumps
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.cusp import cusp
@@ -441,6 +444,16 @@ def test_report_is_one_valid_page_that_needs_nothing_else(tmp_path, weak):
         "cable length l", "28 m/s: 90 to 120 m", __version__,
     ):  # fmt: skip
         assert words.lower() in page.text.lower(), words
+
+
+@pytest.mark.parametrize("straight", [False, True])
+def test_nothing_in_a_picture_is_cut_at_its_edge(weak, straight):
+    requirements = replace(weak.evaluation.requirements, way_in=ENTRY if straight else DEPLOYMENT)
+    design = replace(weak, evaluation=replace(weak.evaluation, requirements=requirements))
+    for picture in (envelope_plot(design), way_in_plot(design)):
+        pixels = imread(io.BytesIO(picture))
+        for edge in (pixels[:5], pixels[-5:], pixels[:, :5], pixels[:, -5:]):
+            assert (edge == 1.0).all()
 
 
 def test_report_of_a_good_design_names_no_remedy(mended):

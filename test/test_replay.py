@@ -244,6 +244,8 @@ def test_plots_are_drawn(out):
         image = imread(out[0] / name)
         assert min(image.shape[:2]) > 500
         assert np.ptp(image[..., :3]) > 0.5  # something is on it
+        for edge in (image[:5], image[-5:], image[:, :5], image[:, -5:]):
+            assert (edge == 1.0).all()  # and nothing is cut
 
 
 def test_summary_file_is_the_summary(out, replay):

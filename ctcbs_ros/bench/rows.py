@@ -24,7 +24,7 @@ ROWS = (
         "numpy eigvals, same matrices", solver_rows.margin,
     ),
     Row(
-        "branch", "branch of Fig. 3.1, d_n 4.8: 80 points to 1e-8, both folds", 20 * _MS,
+        "branch", "branch of Fig. 3.1, d_n 4.8: 80 points or more to 1e-8, both folds", 20 * _MS,
         "AUTO-07p, 80 points, NTST 20", solver_rows.branch, needed=0.4,
     ),
     Row(

@@ -64,8 +64,12 @@ def run(args) -> int:
         found = changes(report, before, again)
         slower = any(change.slower for change in found)
         report["comparison"] = [
-            {"row": c.row, "factor": c.factor, "by": c.by, "slower": c.slower} for c in found
-        ]
+            {
+                "row": c.row, "factor": c.factor, "by": c.by, "slower": c.slower,
+                "measured": c.measured,
+            }
+            for c in found
+        ]  # fmt: skip
     if args.json:
         print_json(report)
     else:
@@ -79,6 +83,8 @@ def _print_comparison(report: dict, path: str | None) -> None:
         return
     print(f"\nCost of each row over that in {path}:")
     for change in report["comparison"]:
+        times = change["measured"]
+        least = f", the least of {times} measurements" if times > 1 else ""
         mark = "  SLOWER" if change["slower"] else ""
-        print(f"  {change['row']:<14}{change['factor']:6.2f}  by {change['by']}{mark}")
+        print(f"  {change['row']:<14}{change['factor']:6.2f}  by {change['by']}{least}{mark}")
     sys.stdout.flush()

@@ -118,7 +118,10 @@ def _colours(count: int) -> list:
 def _figure(width: float, height: float):
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
+    # Room about the labels, which a browser may cut at the very edge.
+    figure.get_layout_engine().set(w_pad=0.1, h_pad=0.1)
+    return figure
 
 
 def _png(figure) -> bytes:
