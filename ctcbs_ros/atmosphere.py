@@ -10,6 +10,7 @@ SEA_LEVEL_TEMPERATURE = 288.15  # K
 SEA_LEVEL_PRESSURE = 101_325.0  # Pa
 LAPSE_RATE = 0.0065  # K/m, troposphere
 TROPOPAUSE = 11_000.0  # geopotential m
+SEA_LEVEL_DENSITY = SEA_LEVEL_PRESSURE / (GAS_CONSTANT * SEA_LEVEL_TEMPERATURE)  # kg/m^3
 LOWEST, HIGHEST = -5_000.0, 20_000.0  # m, what the two layers below cover
 
 
@@ -40,3 +41,9 @@ def standard_atmosphere_density(altitude_m: float) -> float:
     above = geopotential - in_troposphere  # in the isothermal layer
     pressure *= exp(-GRAVITY * above / (GAS_CONSTANT * temperature))
     return pressure / (GAS_CONSTANT * temperature)
+
+
+def standard_temperature_at_pressure(pressure: float) -> float:
+    """Temperature of the standard atmosphere where it has a pressure [Pa], in kelvin."""
+    ratio = (pressure / SEA_LEVEL_PRESSURE) ** (GAS_CONSTANT * LAPSE_RATE / GRAVITY)
+    return max(SEA_LEVEL_TEMPERATURE * ratio, SEA_LEVEL_TEMPERATURE - LAPSE_RATE * TROPOPAUSE)

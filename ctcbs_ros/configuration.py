@@ -17,6 +17,8 @@ from ctcbs_ros.errors import InputError
 from ctcbs_ros.parameter_file import read_parameter_file
 from ctcbs_ros.schema import checked_parameters, with_settings
 
+# By how much the density of the air strays from the standard one: 4 % of pressure, and 40 K.
+WEATHER = 0.2
 PHYSICS = ("cable", "end_mass", "air", "envelope")
 
 
@@ -73,16 +75,25 @@ class EndMass:
 
 @dataclass(frozen=True)
 class Air:
-    """The air: model "constant" with its density [kg/m^3], or "standard_atmosphere" without."""
+    """The air: model "constant" with its density [kg/m^3]; "standard_atmosphere" and "measured"
+    without.
+    """
 
     model: str
     density: float = nan
 
-    def density_at(self, altitude_amsl: float) -> float:
-        """Density [kg/m^3] at an altitude above mean sea level [m]; nan if outside the model."""
+    def density_at(self, altitude_amsl: float, measured: float = nan) -> float:
+        """Density [kg/m^3] at an altitude above mean sea level [m]; nan if outside the model.
+
+        "measured" is the density that the vehicle measured, or where it did not, or strays from
+        the standard atmosphere farther than any weather, that of the standard atmosphere.
+        """
         if self.model == "constant":
             return self.density
-        return standard_atmosphere_density(altitude_amsl)
+        standard = standard_atmosphere_density(altitude_amsl)
+        if self.model == "measured" and abs(measured / standard - 1) <= WEATHER:
+            return measured
+        return standard
 
 
 @dataclass(frozen=True)
@@ -220,12 +231,12 @@ def _refuse_wrong_air(values: dict[str, Any], source: str) -> None:
     if constant and "air.density" not in values:
         raise InputError(
             f"{source}: air.density is missing: air.model constant needs it; "
-            "give it in kg/m^3, or set air.model to standard_atmosphere"
+            "give it in kg/m^3, or set air.model to standard_atmosphere or measured"
         )
     if not constant and "air.density" in values:
         raise InputError(
             f"{source}: air.density = {values['air.density']!r} contradicts air.model = "
-            "'standard_atmosphere', which sets it by altitude: remove one of them"
+            f"{values['air.model']!r}, which sets it by altitude: remove one of them"
         )
 
 

@@ -65,8 +65,9 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ),
     ParameterSpec(
         key="air.model", type=str, default="constant",
-        choices=("constant", "standard_atmosphere"),
-        meaning="air density: air.density, or the ICAO standard atmosphere at the tow point",
+        choices=("constant", "standard_atmosphere", "measured"),
+        meaning="air density: air.density, the ICAO standard atmosphere at the tow point, or by "
+        "the vehicle's pressure and temperature (else the standard one)",
     ),
     ParameterSpec(
         key="air.density", type=float, unit="kg/m^3",

@@ -186,6 +186,15 @@ def test_standard_atmosphere_sets_the_density_by_altitude(parameters):
     assert Air("constant", 1.18).density_at(1000.0) == 1.18
 
 
+def test_measured_density_counts_where_it_is_asked_for_and_can_be():
+    measured = Air("measured")
+    assert measured.density_at(1000.0, 1.05) == 1.05
+    for none in (nan, 0.0, 0.8, 1.5):  # the standard one is 1.1117 kg/m^3
+        assert measured.density_at(1000.0, none) == pytest.approx(1.1117, rel=5e-5)
+    assert Air("standard_atmosphere").density_at(1000.0, 1.05) == pytest.approx(1.1117, rel=5e-5)
+    assert Air("constant", 1.18).density_at(1000.0, 1.05) == 1.18
+
+
 # --- hash ---------------------------------------------------------------------------------------
 
 
@@ -297,7 +306,8 @@ def test_parameter_given_nested_and_dotted_is_refused(parameters):
 
 def test_unknown_model_of_the_air_is_refused(parameters):
     message = refusal(parameters, air__model="vacuum")
-    assert "air.model = 'vacuum': must be 'constant' or 'standard_atmosphere'" in message
+    allowed = "'constant' or 'standard_atmosphere' or 'measured'"
+    assert f"air.model = 'vacuum': must be {allowed}" in message
 
 
 # --- contradictions -----------------------------------------------------------------------------

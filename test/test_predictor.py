@@ -152,6 +152,24 @@ def test_the_standard_atmosphere_is_taken_at_the_tow_point():
     assert last.air_density == pytest.approx(1.0581, rel=1e-3)
 
 
+def test_measured_density_of_the_newest_sample_is_taken_where_it_is_asked_for():
+    measured = replace(DRONE, air=replace(DRONE.air, model="measured", density=nan))
+    samples = [replace(s, air_density=1.1) for s in samples_of(orbiting(turns=1.5))]
+    assert valid(predict(samples, configuration=measured))[-1].air_density == 1.1
+    assert valid(predict(samples))[-1].air_density == DRONE.air.density
+
+
+def test_time_stamps_far_ahead_cost_a_turn_and_no_more():
+    samples = samples_of(orbiting(turns=5.0))
+    middle = len(samples) // 3
+    for i in (middle, middle + 1):
+        samples[i] = replace(samples[i], time=samples[i].time + 5000.0)
+    predictions = predict(samples)
+    assert valid(predictions[: middle])
+    assert not valid(predictions[middle : middle + 6])
+    assert valid(predictions[-len(samples) // 5 :])
+
+
 def test_above_the_standard_atmosphere_there_is_no_prediction_rather_than_a_wrong_one():
     air = replace(DRONE.air, model="standard_atmosphere", density=nan)
     samples = [
@@ -227,7 +245,7 @@ def test_start_up_positions_predict_nothing():
     predictor = Predictor(DRONE)
     for sample in ghost:
         prediction = predictor.update(sample)
-        assert prediction.skip is SkipCode.BAD_FIX
+        assert prediction.skip is SkipCode.ZERO_POSITION
         assert not prediction.valid
     assert predictor.datum is None
     assert valid(predict(samples, predictor=predictor))

@@ -49,6 +49,18 @@ def circling(count, rate=5.0, radius=100.0, speed=25.0, **fields):
     ]
 
 
+def changed(number, **change):
+    """Ten samples of a circle, one of them changed."""
+    samples = circling(10)
+    samples[number] = replace(samples[number], **change)
+    return samples
+
+
+def only(number, code):
+    """The codes of ten samples of which one is skipped."""
+    return [code if i == number else None for i in range(10)]
+
+
 def codes(samples):
     screen = Screen()
     return [screen.check(sample) for sample in samples]
@@ -74,24 +86,65 @@ def test_gap_in_a_circle_costs_nothing(gap):
         {"time": inf},
         {"latitude": nan},
         {"longitude": inf},
+        {"altitude_amsl": nan},
+        {"altitude_amsl": -inf},
+        {"velocity": (nan, 0.0, 0.0)},
+        {"velocity": (0.0, inf, 0.0)},
+        {"latitude": nan, "local_position": (0.0, nan, 0.0)},
+    ],
+)
+def test_what_is_no_number_is_not_finite(change):
+    assert codes(changed(5, **change)) == only(5, SkipCode.NOT_FINITE)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
         {"latitude": 91.0},
         {"longitude": -180.5},
         {"latitude": 474000000.0, "longitude": 85000000.0},  # 1e7 scaling left in
-        {"altitude_amsl": nan},
         {"altitude_amsl": 584130.0},  # millimetres
-        {"altitude_amsl": -inf},
         {"height_above_home": 1e9},
-        {"velocity": (nan, 0.0, 0.0)},
-        {"velocity": (0.0, inf, 0.0)},
         {"velocity": (300.0, 300.0, 0.0)},
-        {"latitude": nan, "local_position": (0.0, nan, 0.0)},
         {"latitude": nan, "local_position": (0.0, 0.0, 1e9)},
     ],
 )
-def test_numbers_no_aircraft_has_are_not_finite(change):
-    samples = circling(10)
-    samples[5] = replace(samples[5], **change)
-    assert codes(samples) == [None] * 5 + [SkipCode.NOT_FINITE] + [None] * 4
+def test_numbers_no_aircraft_has_are_out_of_range(change):
+    assert codes(changed(5, **change)) == only(5, SkipCode.OUT_OF_RANGE)
+
+
+@pytest.mark.parametrize(("latitude", "longitude"), [(0.0, 0.0), (3e-7, -2e-7), (-0.05, 0.05)])
+def test_position_at_latitude_and_longitude_zero_is_a_zero_position(latitude, longitude):
+    samples = changed(5, latitude=latitude, longitude=longitude)
+    assert codes(samples) == only(5, SkipCode.ZERO_POSITION)
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        lambda north, east: (-north, east),
+        lambda north, east: (north, -east),
+        lambda north, east: (-north, -east),
+        lambda north, east: (east, north),
+    ],
+    ids=["latitude", "longitude", "both", "exchanged"],
+)
+def test_swapped_signs_and_coordinates_are_mirrored_however_long_they_last(image):
+    samples = circling(100)
+    for i in range(25, 70):
+        latitude, longitude = image(samples[i].latitude, samples[i].longitude)
+        samples[i] = replace(samples[i], latitude=latitude, longitude=longitude)
+    expected = [SkipCode.MIRRORED if 25 <= i < 70 else None for i in range(100)]
+    assert codes(samples) == expected
+
+
+def test_true_positions_after_a_few_mirrored_ones_are_believed():
+    samples = circling(40)
+    for i in range(3):
+        samples[i] = replace(samples[i], latitude=-samples[i].latitude)
+    found = codes(samples)
+    assert set(found[3:7]) <= {SkipCode.MIRRORED, SkipCode.JUMP}
+    assert found[:3] + found[7:] == [None] * 36
 
 
 @pytest.mark.parametrize(
@@ -101,14 +154,11 @@ def test_numbers_no_aircraft_has_are_not_finite(change):
         {"fix_type": 0},
         {"horizontal_accuracy": 26.0},
         {"horizontal_accuracy": inf},
-        {"latitude": 0.0, "longitude": 0.0},
-        {"latitude": 3e-7, "longitude": -2e-7},
+        {"satellites": 3},
     ],
 )
 def test_position_without_a_good_fix_is_a_bad_fix(change):
-    samples = circling(10)
-    samples[5] = replace(samples[5], **change)
-    assert codes(samples) == [None] * 5 + [SkipCode.BAD_FIX] + [None] * 4
+    assert codes(changed(5, **change)) == only(5, SkipCode.BAD_FIX)
 
 
 def test_one_of_the_three_heights_is_enough():
@@ -266,3 +316,29 @@ def test_a_gap_of_ten_seconds_costs_no_sample():
     samples = circling(20)
     samples = samples[:10] + [replace(s, time=s.time + 9.7) for s in samples[10:]]
     assert set(codes(samples)) == {None}
+
+
+@pytest.mark.parametrize("wrong", [2, 3, 5])
+@pytest.mark.parametrize("ahead", [11.0, 600.0, 1e7])
+def test_time_stamps_far_ahead_in_a_row_lock_nothing_out(wrong, ahead):
+    samples = circling(40)
+    for i in range(10, 10 + wrong):
+        samples[i] = replace(samples[i], time=samples[i].time + ahead)
+    found = codes(samples)
+    assert found[10] is SkipCode.AHEAD
+    # The fifth sample that goes on in the time before is used, and all after it.
+    resumed = 10 + wrong
+    assert found[resumed : resumed + 4] == [SkipCode.OUT_OF_ORDER] * 4
+    assert set(found[resumed + 4 :]) == {None}
+
+
+def test_first_time_stamp_far_ahead_locks_nothing_out():
+    samples = circling(20)
+    samples[0] = replace(samples[0], time=samples[0].time + 3600.0)
+    assert codes(samples) == [None] + [SkipCode.OUT_OF_ORDER] * 4 + [None] * 15
+
+
+def test_burst_of_late_samples_is_out_of_order_however_long():
+    samples = circling(200, rate=50.0)
+    arriving = samples[:110] + samples[160:] + samples[110:160]  # up to 1.8 s late
+    assert codes(arriving) == [None] * 150 + [SkipCode.OUT_OF_ORDER] * 50

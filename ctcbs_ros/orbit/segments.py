@@ -69,6 +69,10 @@ class OrbitSegments:
 
     def add(self, time: float, orbit: Orbit | None, position: np.ndarray) -> None:
         """Take in the estimate at a time [s], None where there is no orbit, and the tow point."""
+        newest = self._moved or self._run
+        if newest is not None and time < newest.last.time:  # its time stamps were wrong
+            self._close()
+            self._track.clear()
         self._track.append((time, float(position[0]), float(position[1])))
         if orbit is None:
             newest = self._moved or self._run

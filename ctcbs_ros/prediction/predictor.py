@@ -118,7 +118,7 @@ class Predictor:
         skip = self._screen.check(sample)
         if skip is not None:
             return self._skipped(sample, skip)
-        if sample.flight != self._flight:
+        if sample.flight != self._flight or sample.time < self._last_time:
             self._flight = sample.flight
             self._last_time = nan
             self._frame.new_flight()
@@ -186,7 +186,7 @@ class Predictor:
         )
 
     def _predict(self, sample, local: LocalSample, orbit: Orbit, warnings) -> Prediction:
-        density = self._air_density(local)
+        density = self._air_density(local, sample.air_density)
         warnings += envelope_warnings(orbit, self._configuration.envelope)
         warnings += wind_warnings(self._ground_speed.variation(orbit))
         try:
@@ -234,13 +234,13 @@ class Predictor:
             return Geodetic(nan, nan, nan, False)
         return Geodetic(*point_to_geodetic(datum, *position.tolist()), datum.ellipsoidal)
 
-    def _air_density(self, local: LocalSample) -> float:
+    def _air_density(self, local: LocalSample, measured: float) -> float:
         altitude = local.altitude_amsl
         if not isfinite(altitude):
             # A local frame alone: its origin is taken for the ground, or else for sea level.
             ground = self._limits.ground_level_amsl
             altitude = local.position[2] + (ground if isfinite(ground) else 0.0)
-        return self._configuration.air.density_at(altitude)
+        return self._configuration.air.density_at(altitude, measured)
 
     def _skipped(self, sample: Sample, skip: SkipCode) -> Prediction:
         return Prediction(

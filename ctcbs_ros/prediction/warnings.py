@@ -13,7 +13,7 @@ from ctcbs_ros.telemetry.skip_code import SkipCode
 WIND_VARIATION = 0.05
 WIND_NOT_KNOWN = "wind is not known; the prediction is for still air"
 
-_BAD_FIX = (SkipCode.BAD_FIX, SkipCode.NOT_FINITE, SkipCode.JUMP, SkipCode.FROZEN)
+_OF_TIME = (SkipCode.DUPLICATE, SkipCode.OUT_OF_ORDER, SkipCode.AHEAD)
 
 
 def _warn(code: WarningCode, text: str) -> Warning:
@@ -26,7 +26,7 @@ def _error(code: WarningCode, text: str) -> Warning:
 
 def skip_warnings(skip: SkipCode) -> tuple[Warning, ...]:
     """BAD_FIX where a sample was skipped for what it says, not for when it came."""
-    if skip not in _BAD_FIX:
+    if skip in _OF_TIME:
         return ()
     return (_warn(WarningCode.BAD_FIX, f"position not believed ({skip.value})"),)
 

@@ -45,6 +45,9 @@ class Summary:
         if self._first_time is None:
             self._first_time = prediction.time
         self._flights.add(prediction.flight)
+        while self._times and self._times[-1] > prediction.time:  # of time stamps that were wrong
+            for remembered in (self._times, self._radii, self._densities):
+                remembered.pop()
         self._segments.add(prediction.time, prediction.orbit, prediction.tow_point)
         if prediction.valid and (
             not self._times or prediction.time - self._times[-1] >= REMEMBERED_EVERY

@@ -8,8 +8,11 @@ from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
 SKIPS = {
-    SkipCode.BAD_FIX: "no 3D fix yet, poor accuracy, or a start-up position",
-    SkipCode.NOT_FINITE: "a value missing, not a number or out of range",
+    SkipCode.BAD_FIX: "no 3D fix yet, few satellites or poor accuracy",
+    SkipCode.NOT_FINITE: "a value missing or not a number",
+    SkipCode.OUT_OF_RANGE: "a value that no aircraft has",
+    SkipCode.ZERO_POSITION: "at latitude and longitude 0, as before the first fix",
+    SkipCode.MIRRORED: "a wrong sign, or latitude and longitude exchanged",
     SkipCode.JUMP: "position contradicts the velocity and the samples before",
     SkipCode.DUPLICATE: "a sample already used, sent again",
     SkipCode.OUT_OF_ORDER: "older than a sample already used",

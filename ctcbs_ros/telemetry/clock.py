@@ -71,7 +71,7 @@ class VehicleClock:
         int
             Microseconds; a late message (up to 2 s) gets its own, earlier time.
         """
-        if not _is_unix(receive_us):
+        if not is_unix(receive_us):
             receive_us = None
         if self._boot_us is None:
             self._newest(boot_us, boot_us, receive_us)
@@ -104,7 +104,7 @@ class VehicleClock:
 
     def set_unix(self, time_us: int, unix_us: int) -> None:
         """Tie the flight to Unix time; without effect once tied, or outside 2000 to 2038."""
-        if not _is_unix(unix_us):
+        if not is_unix(unix_us):
             return
         self.unix_anchor = self.unix_anchor or (time_us, unix_us)
         if self._unix_offset_us is None:
@@ -117,12 +117,13 @@ class VehicleClock:
         to the epoch itself; so stamps advance exactly as the vehicle's clock does.
         """
         if self._unix_offset_us is None:
-            self._unix_offset_us = receive_us - time_us if _is_unix(receive_us) else 0
+            self._unix_offset_us = receive_us - time_us if is_unix(receive_us) else 0
         return (time_us + self._unix_offset_us) * 1000
 
     def _newest(self, boot_us: int, time_us: int, receive_us: int | None) -> None:
         self._boot_us, self._time_us, self._receive_us = boot_us, time_us, receive_us
 
 
-def _is_unix(time_us: int | None) -> bool:
+def is_unix(time_us: int | None) -> bool:
+    """Whether a number of microseconds can be a Unix time of 2000 to 2038."""
     return time_us is not None and EARLIEST_UNIX_US < time_us < LATEST_UNIX_US

@@ -39,8 +39,8 @@ class Sample:
     speed_accuracy : float
         One standard deviation of the velocity [m/s]; nan unknown.
     airspeed : float
-        By a sensor, since the sample before [m/s]; nan where none came, or where the autopilot has
-        no such sensor and sends what it works out.
+        True airspeed by a sensor, since the sample before [m/s]; nan where none came, or where the
+        autopilot has no such sensor and sends what it works out.
     heading : float
         ENU angle of where the nose points [deg], since the sample before; nan where none came.
     wind : tuple of 3 floats, optional
@@ -48,6 +48,8 @@ class Sample:
         [m/s]; None where none came.
     wind_accuracy : float
         One standard deviation of its horizontal components [m/s]; nan unknown.
+    air_density : float
+        By the vehicle's own pressure and temperature [kg/m^3]; nan where not sent for long.
     """
 
     time: float
@@ -68,3 +70,4 @@ class Sample:
     heading: float = nan
     wind: Vector | None = None
     wind_accuracy: float = nan
+    air_density: float = nan

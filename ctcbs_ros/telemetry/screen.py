@@ -3,12 +3,15 @@
 A position is believed on evidence, not because it is there: the receiver's own word on its fix,
 and that it lies where the positions and velocities before it lead. What contradicts the sample
 believed last is a jump, unless it persists: then the vehicle was moved, or that sample was wrong.
-A time far ahead is believed once another sample follows it: after a gap the second sample is used.
+A time far ahead is believed once another sample follows it: after a gap the second sample is used;
+and if it was wrong nevertheless, the samples that go on at the time before.
 """
 
-from math import hypot, isfinite
+from dataclasses import replace
+from math import hypot, isfinite, isnan
 
 from ctcbs_ros.geodesy import Datum, to_enu
+from ctcbs_ros.telemetry.clock import LATE_US
 from ctcbs_ros.telemetry.evidence import FIX_3D
 from ctcbs_ros.telemetry.sample import Sample, Vector
 from ctcbs_ros.telemetry.skip_code import SkipCode
@@ -19,6 +22,7 @@ HEIGHTS = (-1_000.0, 50_000.0)  # m
 LARGEST_LOCAL = 1e6  # m
 
 POOREST_ACCURACY = 25.0  # m, one standard deviation
+FEWEST_SATELLITES = 4  # that a 3D fix takes
 # Positions before the first fix, and offsets of metres from them, lie this close to 0, 0.
 START_UP = 0.1  # deg
 
@@ -36,6 +40,10 @@ FAR_AHEAD = 10.0  # s
 CONFIRMATIONS_AT_START = 3
 CONFIRMATIONS_AFTER_GAP = 2
 CONFIRMATIONS_OF_JUMP = 5
+# No aircraft flies to the mirror image of where it is: that is believed only while samples of the
+# other place are so few that they may be the wrong ones.
+SURE_OF_PLACE = 20
+LATE = LATE_US / 1e6
 
 MOVING = 3.0  # m/s
 FROZEN_SAMPLES = 3
@@ -65,52 +73,57 @@ class Screen:
             self._begin(sample.flight)
         if not is_finite(sample):
             return SkipCode.NOT_FINITE
+        if not is_in_range(sample):
+            return SkipCode.OUT_OF_RANGE
+        if is_zero_position(sample):
+            return SkipCode.ZERO_POSITION
         if not has_fix(sample):
             return SkipCode.BAD_FIX
-        if self._believed is not None:
-            if sample.time < self._believed.time:
-                return SkipCode.OUT_OF_ORDER
-            if sample.time == self._believed.time:
+        before = self._believed
+        if before is not None and sample.time <= before.time:
+            if sample.time == before.time:
                 return SkipCode.DUPLICATE
+            is_late = before.time - sample.time <= LATE
+            if is_late or not self._past.confirms(sample, CONFIRMATIONS_OF_JUMP):
+                return SkipCode.OUT_OF_ORDER
+            before = self._believed = None  # it was the time believed that was wrong
         if self._is_frozen(sample):
             return SkipCode.FROZEN
 
-        if self._believed is None:
+        if before is None:
             states_fix = sample.fix_type is not None or _is_local(sample)
-            if not states_fix and not self._confirms(sample, CONFIRMATIONS_AT_START):
+            goes_on = self._past.confirmations >= CONFIRMATIONS_OF_JUMP
+            confirmed = states_fix or goes_on
+            if not confirmed and not self._place.confirms(sample, CONFIRMATIONS_AT_START):
                 return SkipCode.BAD_FIX
-        elif not agree(self._believed, sample):
-            if not self._confirms(sample, CONFIRMATIONS_OF_JUMP):
-                return SkipCode.JUMP
-        elif self._is_far_ahead(sample) and not self._confirms(sample, CONFIRMATIONS_AFTER_GAP):
+        elif not agree(before, sample):
+            mirrored = any(agree(before, image) for image in _mirror_images(sample))
+            if mirrored and self._times_believed >= SURE_OF_PLACE:
+                return SkipCode.MIRRORED
+            if not self._place.confirms(sample, CONFIRMATIONS_OF_JUMP):
+                return SkipCode.MIRRORED if mirrored else SkipCode.JUMP
+            self._times_believed = 0
+        elif sample.time - before.time > FAR_AHEAD and not self._place.confirms(
+            sample, CONFIRMATIONS_AFTER_GAP
+        ):
             return SkipCode.AHEAD
         self._believed = sample
-        self._candidate = None
+        self._times_believed += 1
+        self._place, self._past = _Candidate(), _Candidate()
         return None
-
-    def _is_far_ahead(self, sample: Sample) -> bool:
-        return sample.time - self._believed.time > FAR_AHEAD
 
     def _begin(self, flight: int | None) -> None:
         self._flight = flight
         self._believed: Sample | None = None
-        self._candidate: Sample | None = None  # newest sample of a place not believed yet
-        self._confirmations = 0
+        self._times_believed = 0  # in a row about one place
+        self._place = _Candidate()  # a place not believed yet
+        self._past = _Candidate()  # a time before that of the sample believed last
         self._still_since: Sample | None = None  # first sample at the position of the newest
         self._still_samples = 0
 
-    def _confirms(self, sample: Sample, enough: int) -> bool:
-        """Whether with this sample enough in a row agree on the candidate place."""
-        if self._candidate is not None and sample.time <= self._candidate.time:
-            return False
-        follows = self._candidate is not None and agree(self._candidate, sample)
-        self._confirmations = self._confirmations + 1 if follows else 1
-        self._candidate = sample
-        return self._confirmations >= enough
-
     def _is_frozen(self, sample: Sample) -> bool:
         since = self._still_since
-        if since is None or _place(since) != _place(sample) or sample.time < since.time:
+        if since is None or _spot(since) != _spot(sample) or sample.time < since.time:
             self._still_since, self._still_samples = sample, 1
             return False
         self._still_samples += 1
@@ -120,43 +133,64 @@ class Screen:
         return speed > MOVING and speed * (sample.time - since.time) > FROZEN_DISTANCE
 
 
+class _Candidate:
+    """Samples in a row that agree with each other, though not with the sample believed last."""
+
+    def __init__(self):
+        self.confirmations = 0
+        self._newest: Sample | None = None
+
+    def confirms(self, sample: Sample, enough: int) -> bool:
+        """Whether with this sample there are enough."""
+        if self._newest is not None and sample.time <= self._newest.time:
+            return False
+        follows = self._newest is not None and agree(self._newest, sample)
+        self.confirmations = self.confirmations + 1 if follows else 1
+        self._newest = sample
+        return self.confirmations >= enough
+
+
 def is_finite(sample: Sample) -> bool:
-    """Whether time, position and velocity are numbers that an aircraft can have.
+    """Whether time, position and velocity are there, and numbers.
 
     The position is geodetic with at least one of the three heights, or local.
     """
-    if not isfinite(sample.time):
-        return False
+    numbers = [sample.time, *(sample.velocity or ())]
+    if _is_local(sample):
+        numbers += sample.local_position
+    else:
+        heights = _heights(sample)
+        if not heights:
+            return False
+        numbers += [sample.latitude, sample.longitude, *heights]
+    return all(map(isfinite, numbers))
+
+
+def is_in_range(sample: Sample) -> bool:
+    """Whether position and velocity are such as an aircraft can have."""
     if sample.velocity is not None and not hypot(*sample.velocity) <= LARGEST_SPEED:
         return False
     if _is_local(sample):
         return all(abs(x) <= LARGEST_LOCAL for x in sample.local_position)
-    heights = [
-        height
-        for height in (
-            sample.altitude_amsl,
-            sample.altitude_ellipsoid,
-            sample.height_above_home,
-        )
-        if height == height  # nan is a height that was not sent
-    ]
     return (
         abs(sample.latitude) <= 90.0
         and abs(sample.longitude) <= 180.0
-        and len(heights) > 0
-        and all(HEIGHTS[0] <= height <= HEIGHTS[1] for height in heights)
+        and all(HEIGHTS[0] <= height <= HEIGHTS[1] for height in _heights(sample))
     )
+
+
+def is_zero_position(sample: Sample) -> bool:
+    """Whether it is at latitude and longitude 0 or near, where no fix has been yet."""
+    return not _is_local(sample) and max(abs(sample.latitude), abs(sample.longitude)) <= START_UP
 
 
 def has_fix(sample: Sample) -> bool:
     """Whether nothing that the source says about the fix speaks against the position."""
     if sample.fix_type is not None and sample.fix_type < FIX_3D:
         return False
-    if sample.horizontal_accuracy > POOREST_ACCURACY:
+    if sample.satellites is not None and sample.satellites < FEWEST_SATELLITES:
         return False
-    if _is_local(sample):
-        return True
-    return abs(sample.latitude) > START_UP or abs(sample.longitude) > START_UP
+    return not sample.horizontal_accuracy > POOREST_ACCURACY  # nan is not known
 
 
 def agree(before: Sample, after: Sample) -> bool:
@@ -189,7 +223,24 @@ def _is_local(sample: Sample) -> bool:
     return sample.local_position is not None and not isfinite(sample.latitude)
 
 
-def _place(sample: Sample):
+def _heights(sample: Sample) -> list[float]:
+    """The heights that were sent."""
+    heights = (sample.altitude_amsl, sample.altitude_ellipsoid, sample.height_above_home)
+    return [height for height in heights if not isnan(height)]
+
+
+def _mirror_images(sample: Sample) -> list[Sample]:
+    """The sample with the mistakes in its position undone that senders make."""
+    if _is_local(sample):
+        return []
+    latitude, longitude = sample.latitude, sample.longitude
+    images = [(-latitude, longitude), (latitude, -longitude), (-latitude, -longitude)]
+    if abs(longitude) <= 90.0:
+        images.append((longitude, latitude))
+    return [replace(sample, latitude=north, longitude=east) for north, east in images]
+
+
+def _spot(sample: Sample):
     """The horizontal position, for telling whether it is the very same."""
     return sample.local_position if _is_local(sample) else (sample.latitude, sample.longitude)
 

@@ -6,8 +6,11 @@ from enum import Enum
 class SkipCode(Enum):
     """Why a telemetry sample was not used; every skipped sample has exactly one."""
 
-    BAD_FIX = "BAD_FIX"  # no 3D fix, accuracy too poor, or a start-up position
-    NOT_FINITE = "NOT_FINITE"  # NaN, infinite or out of range
+    BAD_FIX = "BAD_FIX"  # no 3D fix, too few satellites, accuracy too poor, or no evidence yet
+    NOT_FINITE = "NOT_FINITE"  # a value missing, NaN or infinite
+    OUT_OF_RANGE = "OUT_OF_RANGE"  # a value no aircraft has, as degrees times 1e7
+    ZERO_POSITION = "ZERO_POSITION"  # at latitude and longitude 0 or near, as before the first fix
+    MIRRORED = "MIRRORED"  # where the aircraft is but for a sign, or latitude for longitude
     JUMP = "JUMP"  # position contradicts the velocity and the samples before
     DUPLICATE = "DUPLICATE"  # same time and position as a sample already used
     OUT_OF_ORDER = "OUT_OF_ORDER"  # older than a sample already used

@@ -50,6 +50,8 @@ class TopicSamples:
     def __init__(self, clock: VehicleClock | None = None, best: int = POSE):
         self.best = best
         self.wind: Vector | None = None
+        self._new_wind: Vector | None = None  # since the sample before
+        self._wind_accuracy = nan
         self._clock = clock or VehicleClock()
         self._frames = 0
         self._has_odometry = False  # with a velocity
@@ -129,7 +131,8 @@ class TopicSamples:
         """Take in the wind of mavros: where the air moves to, towards east, north, up."""
         v = message.twist.twist.linear
         if isfinite(v.x) and isfinite(v.y):
-            self.wind = (v.x, v.y, v.z if isfinite(v.z) else 0.0)
+            self.wind = self._new_wind = (v.x, v.y, v.z if isfinite(v.z) else 0.0)
+            self._wind_accuracy = _deviation(message.twist.covariance, (0, 7))
 
     def _velocity_at(self, stamp_ns: int) -> tuple[Vector | None, float]:
         """Velocity and its accuracy, if they are of that time."""
@@ -146,10 +149,13 @@ class TopicSamples:
 
     def _sample(self, stamp_ns: int, receive_us: int | None, **fields) -> Sample:
         time_us = self._clock.advance(stamp_ns // 1000, receive_us)
+        wind, self._new_wind = self._new_wind, None
         return Sample(
             time=time_us / 1e6,
             stamp_ns=stamp_ns,
             flight=self._clock.flight + self._frames,
+            wind=wind,
+            wind_accuracy=nan if wind is None else self._wind_accuracy,
             **fields,
         )
 
