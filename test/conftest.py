@@ -31,3 +31,11 @@ def drone_log(tmp_path_factory):
     arguments = f"simulate --config {DRONE} {flight} {noise} -o {file}"
     assert main(arguments.split()) == 0
     return file
+
+
+@pytest.fixture(scope="session")
+def core_replay(drone_log, drone_table):
+    """Records and summary of the log through the core; to be read only."""
+    from replays import replayed
+
+    return replayed(drone_log, drone_table)

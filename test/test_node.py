@@ -23,11 +23,7 @@ from sensor_msgs.msg import NavSatFix
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
-from ctcbs_ros.configuration import load_configuration
-from ctcbs_ros.prediction.predictor import Predictor
-from ctcbs_ros.replay.core import replay_through_core
 from ctcbs_ros.replay.through_node import quoted
-from ctcbs_ros.table import table_for
 from ctcbs_ros.telemetry.source import open_log
 
 EXAMPLES = DRONE.parents[1] / "msg_examples"
@@ -46,18 +42,6 @@ def position(message):
 
 def values(status):
     return {pair.key: pair.value for pair in status.values}
-
-
-@pytest.fixture(scope="module")
-def core_replay(drone_log, drone_table):
-    """Records and summary of the log through the core."""
-    configuration = load_configuration(DRONE)
-    predictor = Predictor(configuration, table_for(configuration, drone_table))
-    records = []
-    summary = replay_through_core(
-        open_log(drone_log), predictor, 0.0, lambda record, progress: records.append(record)
-    )
-    return records, summary
 
 
 # --- start and end ------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from replays import replayed
 
 from ctcbs_ros import plots
 from ctcbs_ros.cli.main import main
@@ -32,22 +33,6 @@ from ctcbs_ros.telemetry.source import open_log
 DRONE = Path(__file__).parents[1] / "config" / "small_drone.yaml"
 FLIGHTS = Path(__file__).parents[2] / "shared" / "flights"
 PLOTS = {"track.png", "margin.png", "end_mass.png"}
-
-
-def replayed(log, table, configuration=DRONE):
-    """Records and summary of a log."""
-    configuration = load_configuration(configuration)
-    predictor = Predictor(configuration, table_for(configuration, table))
-    records = []
-    summary = replay_through_core(
-        open_log(log), predictor, 0.0, lambda record, progress: records.append(record)
-    )
-    return records, summary
-
-
-@pytest.fixture(scope="module")
-def replay(drone_log, drone_table):
-    return replayed(drone_log, drone_table)
 
 
 @pytest.fixture(scope="module")
@@ -87,8 +72,8 @@ def test_summary_has_the_keys_that_other_tools_rely_on(drone_log, drone_table):
     assert "replay" in done.stderr  # the progress
 
 
-def test_orbit_of_the_summary_is_the_one_simulated(replay):
-    (orbit,) = replay[1]["orbits"]
+def test_orbit_of_the_summary_is_the_one_simulated(core_replay):
+    (orbit,) = core_replay[1]["orbits"]
     # drone_log of conftest.py: 2.5 turns, 60 m, 20 m/s, clockwise, about 47.4, 8.5
     assert orbit["turns"] == pytest.approx(2.5, abs=0.3)
     assert orbit["radius_m"] == pytest.approx(60.0, abs=0.6)
@@ -100,8 +85,8 @@ def test_orbit_of_the_summary_is_the_one_simulated(replay):
     )
 
 
-def test_end_mass_of_an_orbit_is_the_steady_state_of_its_own_radius_and_speed(replay):
-    (orbit,) = replay[1]["orbits"]
+def test_end_mass_of_an_orbit_is_the_steady_state_of_its_own_radius_and_speed(core_replay):
+    (orbit,) = core_replay[1]["orbits"]
     done = run(
         "steady", "--config", DRONE, "--radius", orbit["radius_m"],
         "--speed", orbit["speed_m_s"], "--json",
@@ -112,8 +97,8 @@ def test_end_mass_of_an_orbit_is_the_steady_state_of_its_own_radius_and_speed(re
     assert -solution["si"]["growth_rate_per_s"] == pytest.approx(orbit["margin_per_s"])
 
 
-def test_samples_are_those_used_and_those_skipped(replay):
-    records, summary = replay
+def test_samples_are_those_used_and_those_skipped(core_replay):
+    records, summary = core_replay
     assert summary["samples"] == len(records) == sum(1 for _ in records)
     used = sum(record["skip"] is None for record in records)
     assert summary["samples"] == used + sum(summary["skipped"].values())
@@ -123,8 +108,8 @@ def test_samples_are_those_used_and_those_skipped(replay):
         assert count == len(having)
 
 
-def test_nothing_is_predicted_on_the_straight_legs(replay):
-    records, summary = replay
+def test_nothing_is_predicted_on_the_straight_legs(core_replay):
+    records, summary = core_replay
     (orbit,) = summary["orbits"]
     start = records[0]["vehicle_time_s"]
     for record in records:
@@ -133,8 +118,8 @@ def test_nothing_is_predicted_on_the_straight_legs(replay):
             assert orbit["start_s"] <= record["vehicle_time_s"] - start <= orbit["end_s"] + 4.8
 
 
-def test_text_of_the_summary_explains_each_warning_and_each_skip(replay):
-    summary = replay[1] | {"wall_s": 1.0, "skipped": {"JUMP": 3, "BAD_FIX": 11}}
+def test_text_of_the_summary_explains_each_warning_and_each_skip(core_replay):
+    summary = core_replay[1] | {"wall_s": 1.0, "skipped": {"JUMP": 3, "BAD_FIX": 11}}
     text = summary_text(summary)
     assert "clockwise" in text
     for code in [*summary["warnings"], *summary["skipped"]]:
@@ -146,8 +131,8 @@ def test_every_code_has_an_explanation():
     assert set(WARNINGS) == set(WarningCode)
 
 
-def test_text_of_a_flight_without_orbit_says_so(replay):
-    nothing = replay[1] | {"wall_s": 1.0, "orbits": [], "skipped": {}, "warnings": {}}
+def test_text_of_a_flight_without_orbit_says_so(core_replay):
+    nothing = core_replay[1] | {"wall_s": 1.0, "orbits": [], "skipped": {}, "warnings": {}}
     assert "No orbit of 0.9 turns or more was flown; the predictions are of shorter arcs." in (
         summary_text(nothing)
     )
@@ -162,16 +147,16 @@ def test_text_of_a_flight_without_orbit_says_so(replay):
     ],
 )  # fmt: skip
 def test_text_of_the_summary_tells_wind_that_is_seen_from_wind_that_is_not_known(
-    replay, seen, said
+    core_replay, seen, said
 ):
-    windy = replay[1] | {"wall_s": 1.0, "warnings": {"WIND_UNMODELLED": 7}, "wind_seen": seen}
+    windy = core_replay[1] | {"wall_s": 1.0, "warnings": {"WIND_UNMODELLED": 7}, "wind_seen": seen}
     assert f"WIND_UNMODELLED     {said} prediction is for still air" in summary_text(windy)
 
 
-def test_text_of_the_summary_counts_one_and_many(replay):
-    link = replay[1]["link"] | {"lost": 1, "bad_bytes": 2, "bad_runs": 1}
+def test_text_of_the_summary_counts_one_and_many(core_replay):
+    link = core_replay[1]["link"] | {"lost": 1, "bad_bytes": 2, "bad_runs": 1}
     link["time_steps"] = {"reboot": 1, "wrap": 2}
-    text = summary_text(replay[1] | {"wall_s": 1.0, "link": link})
+    text = summary_text(core_replay[1] | {"wall_s": 1.0, "link": link})
     assert "; 1 message lost, 2 damaged bytes in 1 place, " in text
     assert "2 wraps of the vehicle's clock, 1 reboot\n" in text
 
@@ -179,8 +164,8 @@ def test_text_of_the_summary_counts_one_and_many(replay):
 # --- records ------------------------------------------------------------------------------------
 
 
-def test_records_are_json_without_infinities(replay):
-    for record in replay[0]:
+def test_records_are_json_without_infinities(core_replay):
+    for record in core_replay[0]:
         json.dumps(record, allow_nan=False)
 
 
@@ -213,8 +198,8 @@ def test_results_are_the_tables_summary_and_plots_and_nothing_else(out):
     assert str(folder) in done.stderr
 
 
-def test_tables_hold_every_prediction_and_every_sample(out, replay):
-    folder, records = out[0], replay[0]
+def test_tables_hold_every_prediction_and_every_sample(out, core_replay):
+    folder, records = out[0], core_replay[0]
     predictions, samples = rows(folder / "predictions.csv"), rows(folder / "samples.csv")
     assert tuple(predictions[0]) == PREDICTION_COLUMNS
     assert tuple(samples[0]) == SAMPLE_COLUMNS
@@ -230,8 +215,8 @@ def test_tables_hold_every_prediction_and_every_sample(out, replay):
     )
 
 
-def test_every_figure_of_a_record_has_its_column(replay):
-    valid = next(record for record in replay[0] if record["valid"])
+def test_every_figure_of_a_record_has_its_column(core_replay):
+    valid = next(record for record in core_replay[0] if record["valid"])
     assert set(valid) - set(PREDICTION_COLUMNS) == {"skip", "valid", "other_solutions"}
     added = {"time_s", "other_end_mass_radii_m"}
     assert set(PREDICTION_COLUMNS) - set(valid) == added
@@ -248,10 +233,10 @@ def test_plots_are_drawn(out):
             assert (edge == 1.0).all()  # and nothing is cut
 
 
-def test_summary_file_is_the_summary(out, replay):
+def test_summary_file_is_the_summary(out, core_replay):
     summary = json.loads((out[0] / "summary.json").read_text())
     assert summary.pop("wall_s") > 0.0
-    assert summary == json.loads(json.dumps(replay[1]))
+    assert summary == json.loads(json.dumps(core_replay[1]))
 
 
 def test_folder_is_left_as_it_was_where_the_work_fails(tmp_path):

@@ -72,6 +72,12 @@ def test_log_of_any_name_is_taken_by_the_node(drone_log, drone_table, tmp_path):
     assert json.loads(done.stdout)["predictions"] > 150
 
 
+def started(log, table, folder):
+    """A process that replays a log through the node, slowly."""
+    slowly = command(log, table, "--through", "node", "--rate", "5", "--out", folder)
+    return subprocess.Popen(slowly, stderr=subprocess.PIPE, text=True)
+
+
 def children(process):
     """Process ids of the children of a process."""
     listed = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
@@ -92,11 +98,7 @@ def is_running(number):
 def test_node_ends_with_the_command_that_started_it(
     drone_log, drone_table, tmp_path, number, code
 ):
-    process = subprocess.Popen(
-        command(drone_log, drone_table, "--through", "node", "--rate", "5", "--out",
-                tmp_path / "out"),
-        stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    process = started(drone_log, drone_table, tmp_path / "out")
     deadline = time.monotonic() + 60.0
     while not (samples := list(tmp_path.glob("out/.*/samples.csv"))) or not children(process):
         assert time.monotonic() < deadline
@@ -116,11 +118,7 @@ def test_node_ends_with_the_command_that_started_it(
 
 
 def test_node_that_dies_is_told_in_one_line(drone_log, drone_table, tmp_path):
-    process = subprocess.Popen(
-        command(drone_log, drone_table, "--through", "node", "--rate", "5", "--out",
-                tmp_path / "out"),
-        stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    process = started(drone_log, drone_table, tmp_path / "out")
     deadline = time.monotonic() + 60.0
     while not children(process):
         assert time.monotonic() < deadline

@@ -9,12 +9,9 @@ from pathlib import Path
 import pytest
 import test_telemetry_dataflash as dataflash
 from bags import FIX, ODOM, POSE, TWIST, WIND, fix, odometry, pose, twist, wind, write_bag
+from replays import replayed
 from ulog_bytes import UlogWriter, gps
 
-from ctcbs_ros.configuration import load_configuration
-from ctcbs_ros.prediction.predictor import Predictor
-from ctcbs_ros.replay.core import replay_through_core
-from ctcbs_ros.table import table_for
 from ctcbs_ros.telemetry.local_frame import LocalFrame
 from ctcbs_ros.telemetry.source import open_log
 
@@ -90,14 +87,6 @@ def logs(drone_log, tmp_path_factory):
     return samples, found
 
 
-def replayed(log, table):
-    configuration = load_configuration(DRONE)
-    predictor = Predictor(configuration, table_for(configuration, table))
-    records = []
-    summary = replay_through_core(log, predictor, 0.0, lambda record, _: records.append(record))
-    return records, summary
-
-
 @pytest.mark.parametrize("kind", FORMATS)
 def test_same_flight_gives_the_same_samples(logs, kind):
     samples, found = logs
@@ -128,9 +117,9 @@ def test_wind_is_where_the_air_goes_in_every_format(logs, kind):
 
 
 @pytest.mark.parametrize("kind", FORMATS)
-def test_same_flight_gives_the_same_predictions(logs, drone_log, drone_table, kind):
-    expected, summary = replayed(open_log(drone_log), drone_table)
-    records, got = replayed(open_log(logs[1][kind]), drone_table)
+def test_same_flight_gives_the_same_predictions(logs, core_replay, drone_table, kind):
+    expected, summary = core_replay
+    records, got = replayed(logs[1][kind], drone_table)
     assert got["predictions"] == summary["predictions"] > 50
     assert got["skipped"] == summary["skipped"]
     for a, b in zip(records, expected, strict=True):
@@ -148,7 +137,7 @@ def test_same_flight_gives_the_same_predictions(logs, drone_log, drone_table, ki
 def test_poses_with_twists_alone_give_the_same_orbit(logs, drone_table, tmp_path):
     samples, _ = logs
     bag = write_bag(tmp_path / "poses", poses_of(samples))
-    (orbit,) = replayed(open_log(bag), drone_table)[1]["orbits"]
+    (orbit,) = replayed(bag, drone_table)[1]["orbits"]
     assert orbit["radius_m"] == pytest.approx(60.0, abs=0.6)  # drone_log of conftest.py
     assert orbit["speed_m_s"] == pytest.approx(20.0, abs=0.2)
     assert orbit["sense"] == "cw"
