@@ -93,6 +93,13 @@ def test_elasticity_is_that_of_the_steady_state_and_of_the_vibration():
     assert -result["solutions"][0]["growth_rate"] == pytest.approx(0.0067, abs=5e-5)
 
 
+def test_the_state_between_two_folds_is_unstable_without_stretch():
+    result, _ = _solved(*_flags(figure_3_1(4.8, 1.09)))
+    assert [s["stable"] for s in result["solutions"]] == [True, False, True]
+    assert result["solutions"][1]["nearest_loss"] == "divergence"
+    assert result["solutions"][1]["growth_rate"] > 0.0
+
+
 def test_configuration_gives_the_design_example_in_both_units():
     result, messages = _solved("--config", DESIGN, "--radius", "250", "--speed", "50")
     assert messages == ""

@@ -20,7 +20,7 @@ from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.diagram import VARIED, diagram, first_minimum
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import eigenvalues, stability
-from ctcbs_ros.solver.steady_state import steady_states
+from ctcbs_ros.solver.steady_state import correct_state, steady_states
 
 # Fig. 3.1 and Fig. 4.1 of the thesis.
 FIG_31 = Parameters(omega=1.0, length=3.0, end_mass=50.0, cable_drag=4.8, drag_ratio=1.0)
@@ -127,19 +127,31 @@ def test_branches_keep_apart_where_they_almost_touch(drag):
         assert crossings == count(parameters, omega)
 
 
-def test_real_modes_that_cross_without_a_fold_are_reported_as_such():
-    # The thesis's base does not stretch, its vibration does: state and vibration fold apart.
-    (branch,) = diagram(FIG_31, OMEGA, 1.0, 0.05, 3.0)
-    assert not any(fold.changes_stability for fold in branch.folds)
-    assert [e.kind for e in branch.stability_changes] == ["divergence", "divergence", "hopf"]
-    for event in branch.divergences:
-        near = min(
-            steady_states(replace(FIG_31, omega=event.omega)).states,
-            key=lambda s: abs(s.end_mass_radius - event.end_mass_radius),
-        )
-        sides = stability(near)
-        assert abs(sides.growth_rate) < 1e-6
-        assert sides.frequency == 0.0
+@pytest.mark.parametrize("drag", [4.8, 2.7])  # connected to omega -> 0, and an isolated branch
+def test_folds_of_the_inextensible_cable_are_where_its_stability_changes(drag):
+    # Its vibration stretches with a gamma of 600 and shows the divergence only from omega 1.035
+    # to 0.939 (d_n 4.8).
+    branch = diagram(replace(FIG_31, cable_drag=drag), OMEGA, 1.0, 0.05, 3.0)[-1]
+    assert [e.kind for e in branch.stability_changes] == ["fold"] * len(branch.folds) + ["hopf"]
+    assert not branch.divergences
+    between = [p for p in branch.points if p.verdict == "divergence"]
+    inner, *outer = sorted(e.end_mass_radius for e in branch.folds)
+    assert all(inner < p.end_mass_radius < max(outer, default=np.inf) for p in between)
+    assert min(p.growth_rate for p in between) > 0.0
+    assert {p.verdict for p in branch.points} == {"stable", "divergence", "flutter"}
+
+
+@pytest.mark.parametrize("elasticity", [float("inf"), 600.0])
+def test_along_a_branch_the_slope_changes_sign_at_its_folds_and_nowhere_else(elasticity):
+    parameters = replace(FIG_31, elasticity=elasticity, cable_drag=2.7)
+    for branch in diagram(parameters, OMEGA, 1.0, 0.05, 3.0, with_stability=False):
+        states = [
+            correct_state(replace(parameters, omega=p.omega), p.end_mass_radius)
+            for p in branch.points
+        ]
+        rising = [state.slope > 0.0 for state in states if state is not None]
+        assert sum(a != b for a, b in pairwise(rising)) == len(branch.folds)
+        assert rising[0] or not branch.connected_to_zero
 
 
 def test_folds_of_a_cable_that_stretches_are_where_its_stability_changes():
@@ -280,8 +292,7 @@ def test_events_in_si_are_those_of_figure_3_1_scaled(folding_file, capsys):
     ):
         assert f"{event['speed_m_s']:.7g}" in line
         assert f"{event['end_mass_radius_m']:.6g}" in line
-    # The cable of the file does not stretch, its vibration does: the folds change nothing.
-    assert [line.endswith("changes") for line in lines] == [False, False, True]
+    assert all(line.endswith("changes") for line in lines)
 
 
 def test_main_and_isolated_branches_are_named_and_explained(capsys):

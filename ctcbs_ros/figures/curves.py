@@ -1,8 +1,7 @@
 """Rows of bifurcation diagrams: the branches of one curve with their events, and its jumps.
 
-A point is stable, or loses its steady state to flutter or to divergence. Divergence is judged by
-the slope of the tow-circle condition, which changes sign at a fold: the eigenvalues of a cable
-that is inextensible at rest but stretches as it vibrates pass through zero beside it.
+A point is stable, or loses its steady state to flutter or to divergence, as
+`ctcbs_ros.solver.stability` judges it.
 """
 
 from itertools import pairwise
@@ -10,20 +9,25 @@ from math import hypot, log, nan
 
 from ctcbs_ros.figures.rows import Row
 from ctcbs_ros.solver.branches import Fold
-from ctcbs_ros.solver.diagram import OK, DiagramBranch, Event, diagram, first_minimum
+from ctcbs_ros.solver.diagram import (
+    OK,
+    DiagramBranch,
+    DiagramPoint,
+    Event,
+    diagram,
+    first_minimum,
+)
 from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.flown import landing
 from ctcbs_ros.solver.parameters import Parameters
-from ctcbs_ros.solver.stability import stability
+from ctcbs_ros.solver.stability import DIVERGENCE, Stability, stability
 from ctcbs_ros.solver.steady_state import correct_state
 
 COLUMNS = (
     "kind", "curve", "branch", "omega", "length", "end_mass", "cable_drag", "drag_ratio",
     "elasticity", "end_mass_radius", "growth_rate", "frequency", "stability", "event", "note",
 )
-STABLE, FLUTTER, DIVERGENCE = "stable", "flutter", "divergence"
 FOLD, HOPF, FIRST_MINIMUM = "fold", "Hopf point", "first minimum"
-_OSCILLATES = 1e-6
 # How far a drawn line may be from the branch, over the width and the height of the figure.
 _SAG = 1e-4
 
@@ -74,7 +78,7 @@ def _points(parameters, family, value, scale, branch: DiagramBranch, minimum) ->
         # At a fold Newton's method stalls; the fold itself is among the events.
         if state is None:
             continue
-        here = _described(point.value, state, point.growth_rate, point.frequency)
+        here = _described(point.value, state, point)
         if point.status != OK:
             here["note"] = point.status
         if points:
@@ -116,8 +120,7 @@ def _between(parameters, family, value, scale, a: Row, b: Row, depth: int = 4) -
     away = abs(line[0] * part[1] - line[1] * part[0]) / hypot(*line)
     if depth == 0 or away < _SAG:
         return []
-    damping = stability(state)
-    middle = _described(varied, state, damping.growth_rate, damping.frequency)
+    middle = _described(varied, state, stability(state))
     before = _between(parameters, family, value, scale, a, middle, depth - 1)
     after = _between(parameters, family, value, scale, middle, b, depth - 1)
     return [*before, middle, *after]
@@ -132,18 +135,11 @@ def _state(parameters, family, value, varied, guess, max_step):
     return correct_state(family.at(parameters, log(varied / value)), guess, max_step)
 
 
-def _described(varied, state, growth_rate, frequency) -> Row:
-    if state.slope < 0.0:
-        judged = DIVERGENCE
-    elif growth_rate != growth_rate:
-        judged = ""
-    elif growth_rate < 0.0:
-        judged = STABLE
-    else:
-        judged = FLUTTER if frequency > _OSCILLATES else DIVERGENCE
+def _described(varied, state, judged: Stability | DiagramPoint) -> Row:
     return {
-        "value": varied, "end_mass_radius": state.end_mass_radius, "growth_rate": growth_rate,
-        "frequency": frequency, "stability": judged,
+        "value": varied, "end_mass_radius": state.end_mass_radius,
+        "growth_rate": judged.growth_rate, "frequency": judged.frequency,
+        "stability": judged.verdict,
     }  # fmt: skip
 
 

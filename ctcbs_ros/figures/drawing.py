@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from ctcbs_ros.figures.curves import DIVERGENCE, FIRST_MINIMUM, FLUTTER, FOLD, HOPF, STABLE
+from ctcbs_ros.figures.curves import FIRST_MINIMUM, FOLD, HOPF
 from ctcbs_ros.figures.rows import Row
+from ctcbs_ros.solver.stability import DIVERGENCE, FLUTTER, STABLE
 
 LABELS = {
     "omega": r"angular velocity $\omega = \Omega\,\sqrt{a/g}$ [-]",

@@ -6,7 +6,7 @@ gradient (`events`), Hopf points and other losses of stability those of a mode's
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp, isfinite, log, nan
 
 import numpy as np
@@ -19,7 +19,7 @@ from ctcbs_ros.solver.events import EXTREMA, FOLDS, Line, zeros
 from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.level_set import curves
 from ctcbs_ros.solver.parameters import Parameters
-from ctcbs_ros.solver.stability import stability
+from ctcbs_ros.solver.stability import STABLE, stability
 from ctcbs_ros.solver.steady_state import SteadyState, correct_state, describe
 
 OK = "ok"
@@ -54,6 +54,8 @@ class DiagramPoint:
     growth_rate, frequency : float
         Of the least damped mode, per radian of orbit; nan where they were not asked for or not
         found.
+    verdict : str
+        "stable", "flutter" or "divergence"; empty where that is not known.
     status : str
         "ok", or in what respect the numbers are not to be trusted.
     """
@@ -63,12 +65,13 @@ class DiagramPoint:
     end_mass_radius: float
     growth_rate: float
     frequency: float
+    verdict: str = ""
     status: str = OK
 
     @property
     def stable(self) -> bool:
         """Whether every small disturbance in the band decays."""
-        return self.growth_rate < 0.0
+        return self.verdict == STABLE
 
 
 @dataclass(frozen=True)
@@ -82,8 +85,8 @@ class Event:
         Of the mode that crosses; 0 where none oscillates.
     kind : str
         "fold", "minimum", "maximum" (of the end-mass radius), "hopf", "divergence" (a real mode
-        crosses zero though nothing folds, as it can where the base does not stretch but the
-        vibration does) or "band" (a growing mode enters or leaves the band).
+        crosses zero though nothing folds, which is conceivable where the base does not stretch
+        but the vibration does) or "band" (a growing mode enters or leaves the band).
     changes_stability : bool
         Whether the state is stable on one side and not on the other.
     """
@@ -226,9 +229,7 @@ def _branch(problem: _Problem, rows: np.ndarray, with_stability: bool) -> Diagra
 
 
 def _with_status(point: DiagramPoint, status: str) -> DiagramPoint:
-    return DiagramPoint(
-        point.value, point.omega, point.end_mass_radius, point.growth_rate, point.frequency, status
-    )
+    return replace(point, status=status)
 
 
 def _describe(problem: _Problem, tau, u, with_stability) -> tuple[DiagramPoint, int]:
@@ -239,10 +240,10 @@ def _describe(problem: _Problem, tau, u, with_stability) -> tuple[DiagramPoint, 
     if state is None:
         point = DiagramPoint(
             problem.value * exp(tau), here.omega, exp(u), nan, nan,
-            "the cable cannot be integrated",
+            status="the cable cannot be integrated",
         )
         return point, 0
-    status, growth, frequency, functions = _trust(state), nan, nan, 0
+    status, growth, frequency, verdict, functions = _trust(state), nan, nan, "", 0
     if with_stability and isfinite(state.end_mass_radius):
         try:
             damping = stability(state)
@@ -250,11 +251,12 @@ def _describe(problem: _Problem, tau, u, with_stability) -> tuple[DiagramPoint, 
             status = "no eigenvalues" if status == OK else status
         else:
             growth, frequency = damping.growth_rate, damping.frequency
-            functions = damping.functions
+            verdict, functions = damping.verdict, damping.functions
             if not damping.converged and abs(growth) > _MARGINAL and status == OK:
                 status = "the growth rate is not converged"
     point = DiagramPoint(
-        problem.value * exp(tau), here.omega, state.end_mass_radius, growth, frequency, status
+        problem.value * exp(tau), here.omega, state.end_mass_radius, growth, frequency, verdict,
+        status,
     )
     return point, functions
 
@@ -290,7 +292,9 @@ def _losses(problem: _Problem, line: Line, folds, used) -> list[tuple[float, Eve
         values = slow_modes(state, crossing.functions)
         values = values[values.imag <= state.parameters.band]
         mode = np.argmin(np.abs(values - 1j * crossing.frequency))
-        leading = bool(np.all(np.delete(values, mode).real < 0.0))
+        others_decay = bool(np.all(np.delete(values, mode).real < 0.0))
+        # Beyond a fold the state diverges, and no other mode changes that.
+        leading = others_decay and state.slope > 0.0
         if crossing.frequency > _REAL:
             event = problem.event(tau, u, "hopf", crossing.frequency, leading)
             events.append((crossing.place, event))
@@ -301,13 +305,23 @@ def _losses(problem: _Problem, line: Line, folds, used) -> list[tuple[float, Eve
             and abs(log(fold.value / problem.value) - tau) < _AT_FOLD
         ]
         if near:
-            at_folds[near[0]] = leading
-        else:
+            at_folds[near[0]] = others_decay
+        elif state.slope > 0.0:
             events.append((crossing.place, problem.event(tau, u, "divergence", 0.0, leading)))
     for i, (place, fold) in enumerate(folds):
         tau, u = log(fold.value / problem.value), log(fold.end_mass_radius)
-        events.append((place, problem.event(tau, u, "fold", 0.0, at_folds.get(i, False))))
+        changes = at_folds[i] if i in at_folds else _all_decay(problem, tau, u, usual)
+        events.append((place, problem.event(tau, u, "fold", 0.0, changes)))
     return sorted(events, key=lambda found: found[0])
+
+
+def _all_decay(problem: _Problem, tau: float, u: float, functions: int) -> bool:
+    """Whether every mode in the band decays at a fold that the vibration does not show."""
+    state = describe(problem.at(tau), u)
+    if state is None:
+        return False
+    values = slow_modes(state, functions)
+    return bool(np.all(values.real[values.imag <= state.parameters.band] < 0.0))
 
 
 def _unexplained(problem: _Problem, line: Line, points, events) -> list[tuple[float, Event]]:

@@ -49,7 +49,7 @@ def landing_search(
 ) -> Generator[None, None, SteadyState | None]:
     """`landing` piece by piece."""
     there = beyond(parameters, fold, family, direction)
-    left = [s for s in steady_states(there).states if s.slope > 0.0]
+    left = steady_states(there).states
     for state in sorted(
         left, key=lambda s: abs(log(s.end_mass_radius / fold.end_mass_radius))
     ):

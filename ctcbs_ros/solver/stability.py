@@ -1,6 +1,11 @@
-"""Stability of a steady state: the least damped mode in the band, by Galerkin's method."""
+"""Stability of a steady state: the least damped mode in the band, by Galerkin's method.
 
-from dataclasses import dataclass
+Beyond a fold, where the slope of the tow-circle condition is negative, one real mode grows for
+certain (docs/theory.md). Only a cable that stretches in its vibration but not in its steady state,
+the thesis's, can vibrate as if it did not; that mode is therefore computed as stiff as at rest.
+"""
+
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -22,6 +27,9 @@ _FUNCTIONS_A_RADIAN = 2.0
 _SLOW_WAVE = 0.3  # |lambda| of that wave, per radian of orbit
 # Below this a mode does not oscillate: the loss it leads to is a divergence.
 _REAL = 1e-6
+# gamma of a cable that does not stretch: below 1e-4 at the tensions of all of Table 2.1.
+_RIGID = 1e8
+STABLE, FLUTTER, DIVERGENCE = "stable", "flutter", "divergence"
 
 
 @dataclass(frozen=True)
@@ -31,7 +39,8 @@ class Stability:
     Attributes
     ----------
     growth_rate : float
-        Largest real part of the eigenvalues with |Im| <= band; negative is stable.
+        Largest real part of the eigenvalues with |Im| <= band; negative is stable. Beyond a fold
+        it is that of the divergence at least, and never negative.
     frequency : float
         |Im| of that mode, in the rotating frame.
     band : float
@@ -39,6 +48,8 @@ class Stability:
         Functions a coordinate that the result was computed with.
     converged : bool
         Whether half again as many functions changed the growth rate by less than 1 %.
+    beyond_fold : bool
+        Whether the tow-circle condition falls with the end-mass radius: between two folds.
     """
 
     growth_rate: float
@@ -46,6 +57,7 @@ class Stability:
     band: float
     functions: int
     converged: bool
+    beyond_fold: bool = False
 
     @property
     def margin(self) -> float:
@@ -59,8 +71,16 @@ class Stability:
 
     @property
     def nearest_loss(self) -> str:
-        """How the least damped mode would lose stability: "divergence" or "flutter"."""
-        return "divergence" if self.frequency < _REAL else "flutter"
+        """How stability is lost, or would be first: "divergence" or "flutter".
+
+        Beyond a fold it is lost to divergence, whatever else may grow.
+        """
+        return DIVERGENCE if self.beyond_fold or self.frequency < _REAL else FLUTTER
+
+    @property
+    def verdict(self) -> str:
+        """Either "stable", or how stability is lost."""
+        return STABLE if self.stable else self.nearest_loss
 
 
 @lru_cache(maxsize=16)
@@ -139,18 +159,36 @@ def stability(state: SteadyState, band: float | None = None, functions=FUNCTIONS
     """
     band = state.parameters.band if band is None else band
     with one_blas_thread():
-        before, modes = None, None
-        first = first_resolving(state, functions)
-        for i, n in enumerate(functions[first:], first):
-            a = _matrix(state, n)
-            worst, modes = _least_damped(a, band, modes)
-            growth, frequency = worst.real, abs(worst.imag)
-            if i == first > 0:
-                before = _coarser(a, functions[i - 1], worst, band, modes)
-            if before is not None and _agree(before, growth):
-                return Stability(growth, frequency, max(band, frequency), n, True)
-            before = growth
+        found = _of_modes(state, band, functions)
+        return found if state.slope > 0.0 else _beyond_fold(state, found)
+
+
+def _of_modes(state: SteadyState, band: float, functions) -> Stability:
+    """That of the modes in the band, whatever side of a fold the state is on."""
+    before, modes = None, None
+    first = first_resolving(state, functions)
+    for i, n in enumerate(functions[first:], first):
+        a = _matrix(state, n)
+        worst, modes = _least_damped(a, band, modes)
+        growth, frequency = worst.real, abs(worst.imag)
+        if i == first > 0:
+            before = _coarser(a, functions[i - 1], worst, band, modes)
+        if before is not None and _agree(before, growth):
+            return Stability(growth, frequency, max(band, frequency), n, True)
+        before = growth
     return Stability(growth, frequency, max(band, frequency), n, False)
+
+
+def _beyond_fold(state: SteadyState, found: Stability) -> Stability:
+    """The stability of a state that diverges, from that of the modes found."""
+    divergence = 0.0
+    if not state.parameters.elastic:
+        p = replace(state.parameters, vibration_elasticity=_RIGID)
+        values = _all_eigenvalues(_matrix(replace(state, parameters=p), found.functions))
+        divergence = max(values.real[values.imag == 0.0], default=0.0)
+    if found.growth_rate < divergence:
+        found = replace(found, growth_rate=float(divergence), frequency=0.0)
+    return replace(found, growth_rate=max(found.growth_rate, 0.0), beyond_fold=True)
 
 
 def first_resolving(state: SteadyState, functions) -> int:

@@ -22,7 +22,7 @@ from ctcbs_ros.files import atomic_file
 from ctcbs_ros.table.table import Table
 
 FORMAT = "ctcbs_ros table"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2  # of what is stored and what it means
 _SCALARS = ("density", "cable_length", "end_mass")
 _AXES = ("radius", "speed")
 _PAIRS = ("radius_slope", "fold_angular_rate", "fold_radius")
