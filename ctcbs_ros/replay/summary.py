@@ -112,6 +112,7 @@ def source_counts(source: LogSource | LiveSource) -> dict[str, Any]:
         "link": {
             "messages": link.messages,
             "lost": sum(link.lost.values()),
+            "repeated": sum(link.repeated.values()),
             "bad_runs": link.bad_runs,
             "bad_bytes": link.bad_bytes,
             "other_positions": link.other_positions,

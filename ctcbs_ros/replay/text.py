@@ -73,6 +73,7 @@ def _link_lines(summary: dict[str, Any]) -> Iterator[str]:
     link = summary["link"]
     facts = [
         (link["lost"], "message", " lost"),
+        (link["repeated"], "message", " received again"),
         (link["bad_bytes"], "damaged byte", f" in {_counted(link['bad_runs'], 'place')}"),
         (link["other_positions"], "position", " of other vehicles"),
         (link["time_steps"].get("wrap"), "wrap", " of the vehicle's clock"),

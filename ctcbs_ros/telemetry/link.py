@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 # A sequence number that stands up to 64 behind the expected one is a late or repeated message, not
 # a loss of 192 to 255 messages in a row: the 8-bit counter alone cannot tell the two apart.
 LARGEST_GAP = 191
+ALL_LATE = (1 << 256 - LARGEST_GAP - 1) - 1  # a bit for each late message that can be told
 
 
 @dataclass(frozen=True)
@@ -27,8 +28,9 @@ class LinkStatistics:
         Messages decoded, of every sender.
     bad_runs, bad_bytes : int
         Stretches of bytes that belong to no intact message, and their length in all.
-    received, lost : Counter
-        Messages received and lost (by the sequence number), by (system, component).
+    received, lost, repeated : Counter
+        Messages received, lost and received again (by the sequence number), by (system,
+        component). One that was overtaken is not lost.
     other_positions : int
         Position messages not used because another vehicle sent them, or before one was chosen.
     time_steps : Counter
@@ -43,10 +45,13 @@ class LinkStatistics:
     bad_bytes: int = 0
     received: Counter = field(default_factory=Counter)
     lost: Counter = field(default_factory=Counter)
+    repeated: Counter = field(default_factory=Counter)
     other_positions: int = 0
     time_steps: Counter = field(default_factory=Counter)
     in_step: bool = True
     _last_sequence: dict = field(default_factory=dict, repr=False)
+    # Of the newest sequence number and those before it, as bits from the lowest, which came.
+    _came: Counter = field(default_factory=Counter, repr=False)
 
     def count_message(self) -> None:
         """One more message was decoded; bad bytes after it are a new run."""
@@ -67,3 +72,11 @@ class LinkStatistics:
         if gap <= LARGEST_GAP:
             self.lost[source] += gap
             self._last_sequence[source] = sequence
+            self._came[source] = (self._came[source] << gap + 1 | 1) & ALL_LATE
+            return
+        this = 1 << 255 - gap
+        if self._came[source] & this:
+            self.repeated[source] += 1
+        elif self.lost[source]:  # none before the first message is missed
+            self.lost[source] -= 1
+        self._came[source] |= this
