@@ -218,9 +218,9 @@ def test_first_positions_without_evidence_of_a_fix_must_agree_before_they_are_be
 def test_frozen_position_is_skipped_once_the_velocity_has_led_away_from_it():
     samples = circling(20)
     frozen = [replace(samples[9], time=s.time, velocity=s.velocity) for s in samples[10:15]]
-    # 25 m/s: 10 m off after 0.4 s, the second sample after
+    # At 25 m/s it is 5 m off 0.2 s later.
     assert codes(samples[:10] + frozen + samples[15:]) == (
-        [None] * 11 + [SkipCode.FROZEN] * 4 + [None] * 5
+        [None] * 10 + [SkipCode.FROZEN] * 5 + [None] * 5
     )
 
 

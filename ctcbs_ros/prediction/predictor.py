@@ -27,6 +27,7 @@ from ctcbs_ros.prediction.warnings import (
     not_orbiting,
     skip_warnings,
     stale_telemetry,
+    track_broken,
     tracking_warnings,
     wind_warnings,
 )
@@ -34,6 +35,7 @@ from ctcbs_ros.scaling import FlightPoint, flight_point
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
 from ctcbs_ros.table.table import Table
+from ctcbs_ros.telemetry.continuity import Continuity, Track
 from ctcbs_ros.telemetry.local_frame import LocalFrame, LocalSample
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.screen import Screen
@@ -63,6 +65,7 @@ class Predictor:
         self._limits = configuration.limits
         self._screen = Screen()
         self._frame = LocalFrame()
+        self._continuity = Continuity()
         self._estimator = OrbitEstimator()
         self._ground_speed = GroundSpeedVariation()
         self._history = History()
@@ -122,6 +125,7 @@ class Predictor:
             self._flight = sample.flight
             self._last_time = nan
             self._frame.new_flight()
+            self._continuity.reset()
             self._estimator.reset()
             self._ground_speed.reset()
             self._history.end()
@@ -130,6 +134,12 @@ class Predictor:
         if local is None:
             return self._skipped(sample, SkipCode.NOT_FINITE)
         warnings = []
+        track = self._continuity.check(sample, local.position)
+        if track is Track.STRAYS:
+            return self._skipped(sample, SkipCode.JUMP)
+        if track is Track.BREAKS:
+            self._estimator.reset()
+            warnings.append(track_broken())
         gap = sample.time - self._last_time
         self._last_time = sample.time
         if isfinite(gap) and (stale := self.stale(gap)):

@@ -31,6 +31,14 @@ def skip_warnings(skip: SkipCode) -> tuple[Warning, ...]:
     return (_warn(WarningCode.BAD_FIX, f"position not believed ({skip.value})"),)
 
 
+def track_broken() -> Warning:
+    """BAD_FIX where position, velocity and time have ceased to fit those of the samples before."""
+    return _warn(
+        WarningCode.BAD_FIX,
+        "the position stepped against the velocity: the orbit is estimated anew",
+    )
+
+
 def stale_telemetry(seconds: float, limits: WarningLimits) -> Warning | None:
     """STALE_TELEMETRY after a time without a sample [s]."""
     if seconds <= limits.stale_after:

@@ -9,8 +9,9 @@ from collections import Counter
 
 # Messages overtake each other by up to this on real links; a larger step back is a reboot.
 LATE_US = 2_000_000
-# A step ahead is a link gap when the receive stamps saw the time pass, give or take this much.
-GAP_TOLERANCE_US = 10_000_000
+# A step ahead is a link gap when the receive stamps saw the time pass, give or take this much:
+# a message that comes at once after one that came late. Recorded links show up to 0.75 s.
+GAP_TOLERANCE_US = 2_500_000
 # How far the clock moves on at a reboot when no receive stamp tells.
 LEAST_STEP_US = 1_000
 # Unix time before 2000 is that of an unset clock; after 2038 it is damage, and fits no ROS stamp.

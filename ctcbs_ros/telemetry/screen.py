@@ -46,8 +46,8 @@ SURE_OF_PLACE = 20
 LATE = LATE_US / 1e6
 
 MOVING = 3.0  # m/s
-FROZEN_SAMPLES = 3
-FROZEN_DISTANCE = 10.0  # m that the velocity led away meanwhile
+FROZEN_SAMPLES = 2
+FROZEN_DISTANCE = 1.0  # m that the velocity led away meanwhile; positions are sent to 0.01 m
 
 
 class Screen:
