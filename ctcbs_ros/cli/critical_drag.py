@@ -27,7 +27,7 @@ def add_parser(subparsers) -> None:
 def run(args) -> int:
     """Find both and print them."""
     from ctcbs_ros.solver.critical_drag import critical_drag
-    from ctcbs_ros.solver.fold_curve import DRAG_RANGE
+    from ctcbs_ros.solver.surface import DRAG_RANGE
 
     found = critical_drag(parameters_from(args), args.omega_max, everywhere=True)
     values = {

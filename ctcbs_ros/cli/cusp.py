@@ -50,7 +50,7 @@ def parameters_from(args):
 def _reason(args, folds: bool) -> str:
     """Why there is no cusp."""
     from ctcbs_ros.kernels.search import MAX_STRAIN
-    from ctcbs_ros.solver.fold_curve import DRAG_RANGE
+    from ctcbs_ros.solver.surface import DRAG_RANGE
 
     drags = f"cable drag {DRAG_RANGE[0]:g} to {DRAG_RANGE[1]:g}"
     if folds:

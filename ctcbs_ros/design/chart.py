@@ -15,8 +15,8 @@ from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.critical_drag import CriticalDrag, critical_drag
 from ctcbs_ros.solver.cusp import OMEGA_MAX, cusp
 from ctcbs_ros.solver.first_minimum import first_minimum_state
-from ctcbs_ros.solver.fold_curve import LocusPoint
 from ctcbs_ros.solver.parameters import Parameters
+from ctcbs_ros.solver.surface import LocusPoint
 
 # Thesis Table 2.1: what its figures cover.
 TABLE_2_1 = {

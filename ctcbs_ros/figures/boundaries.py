@@ -13,8 +13,9 @@ from ctcbs_ros.figures.rows import Row
 from ctcbs_ros.solver import critical_drag
 from ctcbs_ros.solver import cusp as solver_cusp
 from ctcbs_ros.solver.first_minimum import first_minimum_state
-from ctcbs_ros.solver.fold_curve import FoldCurve, LocusPoint, Surface, fold_curves, point
+from ctcbs_ros.solver.fold_curve import FoldCurve, fold_curves
 from ctcbs_ros.solver.parameters import Parameters
+from ctcbs_ros.solver.surface import LocusPoint, Surface, point
 
 FOLD_COLUMNS = (
     "kind", "curve", "branch", "length", "end_mass", "drag_ratio", "cable_drag", "omega",

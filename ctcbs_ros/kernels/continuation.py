@@ -20,6 +20,17 @@ LEFT_RANGE, CLOSED, FULL, LOST = range(4)
 
 
 @njit(cache=True)
+def slope_over_length(state, g, length):
+    """Return dh/d ln(length): a longer cable goes on along its tension, stretched.
+
+    state : (6,) position and tension at the tow point; g : the stretch per tension.
+    """
+    x, y, fx, fy, fz = state[0], state[1], state[3], state[4], state[5]
+    p = np.sqrt(fx * fx + fy * fy + fz * fz)
+    return 2.0 * (x * fx + y * fy) * (1.0 / p + g) * length
+
+
+@njit(cache=True)
 def level(theta, exponents, length, length_exponent, tau, u, tolerance, states, mesh):
     """Return h, dh/du, dh/dtau and the status of the integration.
 
@@ -40,9 +51,7 @@ def level(theta, exponents, length, length_exponent, tau, u, tolerance, states, 
     h = x * x + y * y - 1.0
     h_u = 2.0 * (x * states[0, 1, 0] + y * states[0, 1, 1])
     h_tau = 2.0 * (x * states[0, 2, 0] + y * states[0, 2, 1])
-    fx, fy, fz = states[0, 0, 3], states[0, 0, 4], states[0, 0, 5]
-    p = np.sqrt(fx * fx + fy * fy + fz * fz)
-    h_tau += 2.0 * (x * fx + y * fy) * (1.0 / p + here[G]) * end * length_exponent
+    h_tau += slope_over_length(states[0, 0], here[G], end) * length_exponent
     if status == OK and not (np.isfinite(h) and np.isfinite(h_u) and np.isfinite(h_tau)):
         status = 2
     return h, h_u, h_tau, status

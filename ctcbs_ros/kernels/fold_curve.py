@@ -13,10 +13,10 @@ such by arc length; so is any curve h = g = 0 of which g and its gradient are kn
 import numpy as np
 from numba import njit
 
+from ctcbs_ros.kernels.continuation import CLOSED, FULL, LEFT_RANGE, LOST, slope_over_length
 from ctcbs_ros.kernels.search import MAX_STEPS
 from ctcbs_ros.kernels.trajectory import N_THETA, OK, X_D, G, integrate
 
-LEFT_RANGE, CLOSED, FULL, LOST = range(4)
 # Second derivatives of h are central differences of its analytic first ones.
 _DIFFERENCE = 3e-4
 
@@ -45,11 +45,9 @@ def surface(theta, exponents, length, length_exponents, z, tolerance, states, me
     out[0] = x * x + y * y - 1.0
     for j in range(3):
         out[1 + j] = 2.0 * (x * states[0, 1 + j, 0] + y * states[0, 1 + j, 1])
-    fx, fy, fz = states[0, 0, 3], states[0, 0, 4], states[0, 0, 5]
-    p = np.sqrt(fx * fx + fy * fy + fz * fz)
-    outward = 2.0 * (x * fx + y * fy) * (1.0 / p + here[G]) * end
-    out[1] += outward * length_exponents[0]
-    out[2] += outward * length_exponents[1]
+    per_length = slope_over_length(states[0, 0], here[G], end)
+    out[1] += per_length * length_exponents[0]
+    out[2] += per_length * length_exponents[1]
     if status == OK and not np.all(np.isfinite(out)):
         status = 2
     return status

@@ -13,19 +13,9 @@ from math import log, sqrt
 
 import numpy as np
 
-from ctcbs_ros.solver.fold_curve import (
-    DRAG_RANGE,
-    FoldCurve,
-    LocusPoint,
-    Surface,
-    branches_from_above,
-    curve_through,
-    cusps_near,
-    folds_on,
-    near,
-    point,
-)
+from ctcbs_ros.solver.fold_curve import FoldCurve, curve_through, cusps_near, folds_on, near
 from ctcbs_ros.solver.parameters import Parameters
+from ctcbs_ros.solver.surface import DRAG_RANGE, LocusPoint, Surface, branches_from_above, point
 
 OMEGA_MAX = 3.0
 _CUTS = 5  # in omega, at the least

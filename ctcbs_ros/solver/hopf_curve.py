@@ -15,16 +15,16 @@ from scipy.linalg import lu_factor, lu_solve
 from ctcbs_ros.kernels import fold_curve as kernel
 from ctcbs_ros.kernels.trajectory import OK
 from ctcbs_ros.solver.blas import one_blas_thread
-from ctcbs_ros.solver.fold_curve import (
+from ctcbs_ros.solver.parameters import Parameters
+from ctcbs_ros.solver.stability import FUNCTIONS, eigenvalues, vibration_matrix
+from ctcbs_ros.solver.steady_state import TOLERANCE, describe
+from ctcbs_ros.solver.surface import (
     DRAG_RANGE,
     OMEGA_RANGE,
     Surface,
     branches_from_above,
     checked_box,
 )
-from ctcbs_ros.solver.parameters import Parameters
-from ctcbs_ros.solver.stability import FUNCTIONS, eigenvalues, vibration_matrix
-from ctcbs_ros.solver.steady_state import TOLERANCE, describe
 
 # Functions a coordinate: on the look-out, and at least along the curve.
 _SCAN_FUNCTIONS, _FEWEST = 8, 12

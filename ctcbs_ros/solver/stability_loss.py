@@ -10,8 +10,8 @@ from math import exp, inf, log
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from ctcbs_ros.solver.fold_curve import DRAG_RANGE, DRAG_STEP, falling
 from ctcbs_ros.solver.stability import FUNCTIONS
+from ctcbs_ros.solver.surface import DRAG_RANGE, DRAG_STEP, falling
 
 # ln d_n at which a rate is sampled, from above.
 SAMPLED: tuple[float, ...] = tuple(falling(*np.log(DRAG_RANGE)).tolist())
