@@ -13,7 +13,7 @@ from math import log, sqrt
 
 import numpy as np
 
-from ctcbs_ros.solver.fold_curve import FoldCurve, curve_through, cusps_near, folds_on, near
+from ctcbs_ros.solver.fold_curve import FoldCurve, add_cusps, curve_through, folds_on, near
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.surface import DRAG_RANGE, LocusPoint, Surface, branches_from_above, point
 
@@ -91,9 +91,7 @@ def _from_above(
         found, lines = [], []
         above = np.array([low[0], delta - 1e-9])
         for points in branches:
-            for z in cusps_near(surface, delta, points, low, high):
-                if not any(np.abs(z - other).max() < 1e-5 for other in cusps):
-                    cusps.append(z)
+            add_cusps(surface, delta, points, low, high, cusps)
             for z in folds_on(surface, delta, points, low, high):
                 if any(near(line, z) for line in lines):
                     continue

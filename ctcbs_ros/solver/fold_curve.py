@@ -96,10 +96,7 @@ def _seeds(surface: Surface, low, high):
     for delta, branches in branches_from_above(surface, low, high):
         for points in branches:
             yield from folds_on(surface, delta, points, low, high)
-            for z in cusps_near(surface, delta, points, low, high):
-                if not any(np.abs(z - other).max() < 1e-5 for other in cusps):
-                    cusps.append(z)
-                    yield z
+            yield from add_cusps(surface, delta, points, low, high, cusps)
 
 
 def folds_on(surface: Surface, delta: float, points, low, high):
@@ -113,14 +110,19 @@ def folds_on(surface: Surface, delta: float, points, low, high):
             yield z
 
 
-def cusps_near(surface: Surface, delta: float, points, low, high):
-    """The cusps near the steepest places of a branch traced at a drag, within the range."""
+def add_cusps(surface: Surface, delta: float, points, low, high, known: list[np.ndarray]):
+    """Add to those known the cusps near the steepest places of a branch; the new ones."""
+    new = []
     c = points[:, 2] / np.hypot(points[:, 2], points[:, 3])
     for i in steepest(c):
         z = surface.cusp((points[i, 0], delta, points[i, 1]))
         inside = z is not None and np.all(z[:2] >= low) and np.all(z[:2] <= high)
-        if inside and surface.means_something(z):
-            yield z
+        if not inside or any(np.abs(z - other).max() < 1e-5 for other in known):
+            continue
+        if surface.means_something(z):
+            known.append(z)
+            new.append(z)
+    return new
 
 
 def steepest(c: np.ndarray) -> np.ndarray:
