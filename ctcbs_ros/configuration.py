@@ -8,7 +8,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import inf, nan, pi
+from math import inf, isfinite, nan, pi
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +97,16 @@ class Air:
 
 
 @dataclass(frozen=True)
+class SetWind:
+    """The user's wind: speed [m/s] and where it blows from, clockwise from north [deg], both nan
+    where it is not known; standard deviation along an axis [m/s]."""
+
+    speed: float = nan
+    from_direction: float = nan
+    accuracy: float = 2.0
+
+
+@dataclass(frozen=True)
 class Envelope:
     """What is flown and covered by the table: tow radius [m] and speed [m/s], each (min, max)."""
 
@@ -142,6 +152,7 @@ class Configuration:
     envelope: Envelope
     limits: WarningLimits
     source: str
+    wind: SetWind = SetWind()
 
 
 def load_configuration(path: str | Path, settings: Sequence[str] = ()) -> Configuration:
@@ -211,6 +222,7 @@ def configuration_from_mapping(mapping: Mapping[str, Any], source: str) -> Confi
         envelope=Envelope(**section("envelope")),
         limits=WarningLimits(**section("limits"), ground_level_amsl=values["ground.level_amsl"]),
         source=source,
+        wind=SetWind(**section("wind")),
     )
     _refuse_contradictions(configuration)
     return configuration
@@ -245,6 +257,12 @@ def _refuse_contradictions(configuration: Configuration) -> None:
     source, cable, end_mass = configuration.source, configuration.cable, configuration.end_mass
     air_density = configuration.air.density_at(0.0)  # standard: sea level, where it is greatest
 
+    wind = configuration.wind
+    if isfinite(wind.speed) != isfinite(wind.from_direction):
+        missing = "from_direction" if isfinite(wind.speed) else "speed"
+        raise InputError(
+            f"{source}: wind.{missing} is missing: wind.speed and wind.from_direction go together"
+        )
     lifted = air_density * end_mass.displaced_volume
     if lifted >= end_mass.mass:
         raise InputError(

@@ -75,6 +75,21 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         meaning="density of the air; needed with air.model constant, and only there",
     ),
     ParameterSpec(
+        key="wind.speed", type=float, unit="m/s", default=nan, missing=True,
+        minimum=0.0, maximum=150.0,
+        meaning="wind where neither autopilot nor flight tell; .nan for not known",
+    ),
+    ParameterSpec(
+        key="wind.from_direction", type=float, unit="deg", default=nan, missing=True,
+        minimum=0.0, maximum=360.0,
+        meaning="where that wind blows from, clockwise from north",
+    ),
+    ParameterSpec(
+        key="wind.accuracy", type=float, unit="m/s", default=2.0,
+        minimum=0.01, maximum=100.0,
+        meaning="standard deviation of that wind along an axis",
+    ),
+    ParameterSpec(
         key="envelope.radius", type=list, unit="m", required=True,
         minimum=0.01, maximum=20_000.0, meaning="range of tow radius flown, covered by the table",
     ),

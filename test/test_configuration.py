@@ -210,11 +210,19 @@ def test_hash_is_the_same_in_another_process():
     assert other.stdout.strip() == configuration_hash(load_configuration(path))
 
 
+def test_a_wind_needs_its_direction_and_a_direction_its_wind(parameters):
+    for key in ("wind.speed", "wind.from_direction"):
+        with pytest.raises(InputError, match="go together"):
+            configuration_from_mapping(parameters | {key: 5.0}, "file")
+
+
 @pytest.mark.parametrize("spec", NUMBERS, ids=lambda spec: spec.key)
 def test_hash_follows_the_physics_and_nothing_else(parameters, spec):
     before = configuration_hash(configuration_from_mapping(parameters, "file"))
     value = parameters[spec.key]
     changed = {0: 0.001, inf: 500.0}.get(value, 1.0 if value != value else value * 1.1)
+    if spec.key in ("wind.speed", "wind.from_direction"):
+        parameters |= {"wind.speed": 1.0, "wind.from_direction": 1.0}  # only together
     parameters[spec.key] = spec.type(changed + (spec.type is int))
     after = configuration_hash(configuration_from_mapping(parameters, "elsewhere"))
     physics = spec.key.split(".")[0] in ("cable", "end_mass", "air", "envelope")

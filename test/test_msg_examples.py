@@ -48,7 +48,9 @@ OUTPUTS = {
     "diagnostics": ("/diagnostics", DiagnosticArray, 10),
 }
 
-UNCERTAINTY = ("_std_m", "rms_residual_m", "climb_rate_m_s", "arc_rad", "samples", "residual")
+UNCERTAINTY = (
+    "_std_m", "_std_m_s", "rms_residual_m", "climb_rate_m_s", "arc_rad", "samples", "residual",
+)  # fmt: skip
 
 
 def example(name):

@@ -368,14 +368,14 @@ def test_turning_the_other_way_begins_a_new_history():
 
 
 @pytest.mark.parametrize("wind", [0.0, 4.0])
-def test_wind_is_known_after_three_quarters_of_a_turn_not_later(wind):
+def test_wind_is_known_within_three_quarters_of_a_turn(wind):
     flight = orbiting(turns=1.5, wind=(wind, 0.0))
     known = [
-        (p.time, any("there is wind" in w.text for w in p.warnings))
+        (p.time, any("by the flight" in w.text for w in p.warnings))
         for p in valid(predict(samples_of(flight)))
         if not any("not known" in w.text for w in p.warnings)
     ]
     on_circle = flight.time[np.isfinite(flight.radius)]
     turn = 2.0 * pi * 80.0 / 20.0
-    assert known[0][0] - on_circle[0] == pytest.approx(0.75 * turn, abs=0.12 * turn)
+    assert known[0][0] - on_circle[0] < 0.75 * turn
     assert {there_is for _, there_is in known} == {wind > 0.0}

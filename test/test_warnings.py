@@ -3,11 +3,13 @@
 from dataclasses import replace
 from math import inf, nan
 
+import numpy as np
 import pytest
 from folding_flight import UNIT_SPEED, folding_configuration, taut_inside
 from sample_flights import orbiting, samples_of
 
 from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.orbit.wind import Wind, WindSource
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Level, WarningCode
 from ctcbs_ros.prediction.prediction import Jump
@@ -63,13 +65,13 @@ def of_end_mass(end_mass, limits=DRONE.limits, cable=DRONE.cable, **changed):
 def test_a_calm_flight_ends_its_orbit_without_a_warning(calm):
     flown = [p for p in calm if p.valid]
     assert codes(flown[-30]) == set()
-    assert codes(*calm) == {WarningCode.NOT_ORBITING, WarningCode.WIND_UNMODELLED}
+    assert codes(*calm) == {WarningCode.NOT_ORBITING}
 
 
 def test_each_warning_has_its_level_and_one_line():
     flights = [
         predict(samples_of(FLIGHT), replace(DRONE, limits=limited(low_margin_per_s=9.0))),
-        predict(samples_of(orbiting(height=100.0))),
+        predict(samples_of(orbiting(height=100.0, wind=(4.0, 0.0)))),
         predict(samples_of(orbiting(100.0, UNIT_SPEED, 3.0, height=600.0, rate=3.0,
                                     radius_change=(94.0, 1.5))), folding_configuration()),
     ]  # fmt: skip
@@ -236,20 +238,28 @@ def test_wind_is_told_from_the_ground_speed(speed, windy):
     flown = [p for p in predict(samples_of(flight)) if p.valid]
     texts = [w.text for w in flown[-30].warnings if w.code is WarningCode.WIND_UNMODELLED]
     assert bool(texts) is windy
-    assert all("varies by" in text for text in texts)
+    assert all("m/s from 180 deg" in text and "by the flight" in text for text in texts)
 
 
 def test_samples_with_wind_are_counted_apart_from_those_where_it_is_not_known(calm):
     windy = Tally()
     for prediction in calm[:10]:
-        for variation in (nan, 0.01, 0.2, 0.3):
-            windy.add(replace(prediction, warnings=tuple(wind_warnings(variation))))
+        for east in (nan, 0.2, 4.0, 6.0):
+            wind = Wind(np.array([east, 0.0]), 0.01 * np.eye(2), WindSource.FLIGHT)
+            told = wind_warnings(wind if east > 0.0 else None, 20.0)
+            windy.add(replace(prediction, warnings=tuple(told)))
     assert windy.as_dict()["warnings"] == {"WIND_UNMODELLED": 30}
     assert windy.as_dict()["wind_seen"] == 20
 
 
+def test_a_wind_that_is_hardly_known_is_told():
+    unsure = Wind(np.array([0.2, 0.0]), 9.0 * np.eye(2), WindSource.PARAMETER)
+    (warning,) = wind_warnings(unsure, 20.0)
+    assert "+- 3.0 m/s (by parameters)" in warning.text
+
+
 def test_wind_is_said_to_be_unknown_until_it_can_be_seen():
-    (warning,) = wind_warnings(nan)
+    (warning,) = wind_warnings(None, 20.0)
     assert warning.text == WIND_NOT_KNOWN
     flown = [p for p in predict(samples_of(FLIGHT, velocities=False)) if p.valid]
     assert all(WarningCode.WIND_UNMODELLED in codes(p) for p in flown)

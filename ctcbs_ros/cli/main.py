@@ -82,6 +82,7 @@ def _parser() -> argparse.ArgumentParser:
         simulate,
         steady,
         table,
+        wind_study,
     )
 
     parser = _Parser(
@@ -92,7 +93,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in (
         steady, branch, cusp, critical_drag, design, figures, table, replay, simulate, bench,
-        orbit_study,
+        orbit_study, wind_study,
     ):  # fmt: skip
         command.add_parser(commands)
     return parser

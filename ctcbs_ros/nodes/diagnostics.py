@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import Prediction
-from ctcbs_ros.prediction.record import Record, end_mass_fields, finite, orbit_fields
+from ctcbs_ros.prediction.record import Record, end_mass_fields, finite, orbit_fields, wind_fields
 from ctcbs_ros.prediction.tally import Tally
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
@@ -77,9 +77,10 @@ def orbit_status(prediction: Prediction) -> DiagnosticStatus:
     """Status of the orbit, from the prediction of a sample that was used."""
     warnings = [w for w in prediction.warnings if w.code in ORBIT_WARNINGS]
     if prediction.orbit is None:
-        return _status("orbit", warnings, "no orbit", {})
+        return _status("orbit", warnings, "no orbit", wind_fields(prediction.wind))
     figures = orbit_fields(prediction.orbit)
     figures["air_density_kg_m3"] = finite(prediction.air_density)
+    figures |= wind_fields(prediction.wind)
     return _status("orbit", warnings, "orbiting", figures)
 
 

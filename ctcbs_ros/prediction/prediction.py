@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.orbit.wind import Wind
 from ctcbs_ros.prediction.codes import Warning
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
@@ -155,6 +156,9 @@ class Prediction:
     air_density : float
         Density used [kg/m^3]; nan where there is no orbit.
     warnings : tuple of Warning
+    wind : Wind or None
+        The wind believed, see `ctcbs_ros.prediction.wind_choice`; the end mass is predicted in
+        still air all the same.
     """
 
     time: float
@@ -166,6 +170,7 @@ class Prediction:
     end_mass: EndMass | None
     air_density: float
     warnings: tuple[Warning, ...]
+    wind: Wind | None = None
 
     @property
     def valid(self) -> bool:

@@ -5,7 +5,7 @@ fitted to an orbit, scaled, solved on the tracked branch, described in SI units 
 """
 
 from dataclasses import replace
-from math import isfinite, nan
+from math import isfinite, nan, radians
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from ctcbs_ros.configuration import Configuration, WarningLimits
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.geodesy import Datum, point_to_geodetic, to_geodetic
 from ctcbs_ros.orbit.estimator import OrbitEstimator
-from ctcbs_ros.orbit.ground_speed import GroundSpeedVariation
 from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.orbit.wind import WindEstimator
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Warning
 from ctcbs_ros.prediction.history import History
@@ -31,6 +31,7 @@ from ctcbs_ros.prediction.warnings import (
     tracking_warnings,
     wind_warnings,
 )
+from ctcbs_ros.prediction.wind_choice import WindChoice, user_wind
 from ctcbs_ros.scaling import FlightPoint, flight_point
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
@@ -67,7 +68,8 @@ class Predictor:
         self._frame = LocalFrame()
         self._continuity = Continuity()
         self._estimator = OrbitEstimator()
-        self._ground_speed = GroundSpeedVariation()
+        self._wind_of_turn = WindEstimator()
+        self._wind = WindChoice(user_wind(configuration.wind))
         self._history = History()
         self._orbiting = False
         self._flight: int | None = None
@@ -127,7 +129,8 @@ class Predictor:
             self._frame.new_flight()
             self._continuity.reset()
             self._estimator.reset()
-            self._ground_speed.reset()
+            self._wind_of_turn.reset()
+            self._wind.reset()
             self._history.end()
             self._orbiting = False
         local = self._frame.localize(sample)
@@ -153,14 +156,19 @@ class Predictor:
             _stated(sample.horizontal_accuracy),
             _stated(sample.speed_accuracy),
         )
-        self._ground_speed.add(sample.time, sample.velocity)
+        self._wind_of_turn.add(
+            sample.time, sample.velocity, _stated(sample.speed_accuracy), sample.airspeed,
+            radians(sample.heading),
+        )
+        if sample.wind is not None:
+            self._wind.told(sample.time, sample.wind, sample.wind_accuracy)
         if fix.orbit is None:
             self._orbiting = False
             self._history.flown_without_orbit(local.position, self._cable_length)
             warnings.append(not_orbiting(fix.reason))
             return self._prediction(sample, None, local, None, nan, warnings)
         if not self._orbiting:
-            self._ground_speed.begin(fix.orbit.start_time)
+            self._wind_of_turn.begin(fix.orbit.start_time)
             self._orbiting = True
         self._history.flown_on_orbit(fix.orbit.sense)
         return self._predict(sample, local, fix.orbit, warnings)
@@ -198,7 +206,8 @@ class Predictor:
     def _predict(self, sample, local: LocalSample, orbit: Orbit, warnings) -> Prediction:
         density = self._air_density(local, sample.air_density)
         warnings += envelope_warnings(orbit, self._configuration.envelope)
-        warnings += wind_warnings(self._ground_speed.variation(orbit))
+        self._wind.shown(self._wind_of_turn.estimate(orbit))
+        warnings += wind_warnings(self._wind.at(orbit.time), orbit.speed)
         try:
             point = self._point(orbit.radius, orbit.speed, density)
         except InputError as error:
@@ -261,7 +270,7 @@ class Predictor:
     def _prediction(self, sample, orbit, local, end_mass, density, warnings) -> Prediction:
         return Prediction(
             sample.time, sample.stamp_ns, sample.flight, None, orbit, local.position, end_mass,
-            density, tuple(warnings),
+            density, tuple(warnings), self._wind.at(sample.time),
         )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.orbit.wind import Wind
 from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump, Prediction
 
 Record = dict[str, Any]
@@ -28,6 +29,8 @@ def prediction_record(prediction: Prediction) -> Record:
     if prediction.orbit is not None:
         record |= orbit_fields(prediction.orbit)
         record["air_density_kg_m3"] = finite(prediction.air_density)
+    if prediction.skip is None:
+        record |= wind_fields(prediction.wind)
     if prediction.end_mass is not None:
         record |= end_mass_fields(prediction.end_mass)
     record["warnings"] = [
@@ -65,6 +68,23 @@ def orbit_fields(orbit: Orbit) -> Record:
         "orbit_arc_rad": finite(orbit.arc),
         "orbit_samples": orbit.samples,
         "orbit_radius_std_m": finite(np.sqrt(orbit.covariance[3, 3])),
+    }
+
+
+def wind_fields(wind: Wind | None) -> Record:
+    """The wind believed; no direction where it is weaker than its error."""
+    if wind is None:
+        return {"wind_source": None}
+    east, north = np.sqrt(np.diag(wind.covariance))
+    return {
+        "wind_source": wind.source.value,
+        "wind_east_m_s": finite(wind.velocity[0]),
+        "wind_north_m_s": finite(wind.velocity[1]),
+        "wind_east_std_m_s": finite(east),
+        "wind_north_std_m_s": finite(north),
+        "wind_speed_m_s": finite(wind.speed),
+        "wind_from_deg": finite(wind.from_direction) if wind.speed > wind.sigma else None,
+        "wind_note": wind.note,
     }
 
 

@@ -4,15 +4,24 @@ from math import inf, isfinite, nan
 
 from ctcbs_ros.configuration import Cable, Envelope, WarningLimits
 from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.orbit.wind import Wind, WindSource
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import EndMass
+from ctcbs_ros.prediction.wind_choice import described
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
-# Unevenness of the ground speed along a circle, over its mean, that only wind explains.
-WIND_VARIATION = 0.05
 WIND_NOT_KNOWN = "wind is not known; the prediction is for still air"
+# Wind over the mean ground speed from which the prediction for still air is not to be used, and
+# its standard deviation from which one cannot tell.
+_WINDY = 0.05
+_UNSURE = 0.1
 
+_SOURCES = {
+    WindSource.AUTOPILOT: "the autopilot",
+    WindSource.FLIGHT: "the flight",
+    WindSource.PARAMETER: "parameters",
+}
 _OF_TIME = (SkipCode.DUPLICATE, SkipCode.OUT_OF_ORDER, SkipCode.AHEAD)
 
 
@@ -71,25 +80,25 @@ def envelope_warnings(orbit: Orbit, envelope: Envelope) -> list[Warning]:
     return found
 
 
-def wind_warnings(variation: float) -> list[Warning]:
-    """WIND_UNMODELLED where the ground speed varies along the circle, or cannot be seen to.
+def wind_warnings(wind: Wind | None, speed: float) -> list[Warning]:
+    """WIND_UNMODELLED where there is wind, or nobody knows whether there is.
 
     Parameters
     ----------
-    variation : float
-        Amplitude of the ground speed over its mean; nan if unknown.
+    wind : Wind or None
+    speed : float
+        Mean ground speed along the circle [m/s].
     """
-    if not isfinite(variation):
+    if wind is None:
         return [_warn(WarningCode.WIND_UNMODELLED, WIND_NOT_KNOWN)]
-    if variation <= WIND_VARIATION:
-        return []
-    return [
-        _warn(
-            WarningCode.WIND_UNMODELLED,
-            f"ground speed varies by {variation:.0%} along the circle: there is wind, and the "
-            "prediction is for still air",
+    if wind.speed > _WINDY * speed or wind.sigma > _UNSURE * speed:
+        by = f"by {_SOURCES[wind.source]}" + (f": {wind.note}" if wind.note else "")
+        text = (
+            f"wind {described(wind)}, +- {wind.sigma:.1f} m/s ({by}); the prediction is for still "
+            "air"
         )
-    ]
+        return [_warn(WarningCode.WIND_UNMODELLED, text)]
+    return []
 
 
 def tracking_warnings(tracked: Tracked) -> list[Warning]:

@@ -1,0 +1,123 @@
+"""Whose wind is believed: the autopilot's, the one that the flight shows, or the user's.
+
+The rule, in this order:
+
+1. the autopilot's, while it is fresh, unless the flight shows another one;
+2. the flight's own, while its standard deviation is below a limit;
+3. the one set by parameters;
+4. none.
+"""
+
+from math import cos, isfinite, radians, sin
+
+import numpy as np
+
+from ctcbs_ros.configuration import SetWind
+from ctcbs_ros.orbit.wind import (
+    FlightWind,
+    Wind,
+    WindSource,
+    contradict,
+    worst_sigma,
+)
+
+# Age of an autopilot's wind up to which it is fresh [s].
+FRESH = 10.0
+# Standard deviation of one axis of an autopilot's wind where it states none (WIND) [m/s].
+AUTOPILOT_SIGMA = 1.5
+# Standard deviation up to which the flight's own wind is used [m/s].
+MOST_SIGMA = 1.5
+# Growth of its variance with its age, 1 m/s in 100 s [(m/s)^2/s].
+_AGEING = 0.01
+
+
+class WindChoice:
+    """Keeps what the autopilot, the flight and the user say of the wind.
+
+    Parameters
+    ----------
+    by_user : Wind, optional
+    """
+
+    def __init__(self, by_user: Wind | None = None):
+        self._by_user = by_user
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was said and shown: another flight."""
+        self._by_autopilot: Wind | None = None
+        self._told_at = -np.inf
+        self._by_flight: FlightWind | None = None
+
+    def told(self, time: float, velocity, sigma: float) -> None:
+        """Take in the autopilot's wind.
+
+        Parameters
+        ----------
+        time : float
+            [s]
+        velocity : sequence of float
+            Of the air, towards east, north [m/s]. Nought is what autopilots send that know none.
+        sigma : float
+            Standard deviation of one axis [m/s]; nan where it is not stated.
+        """
+        east, north = velocity[:2]
+        if not isfinite(east + north) or (east == 0.0 and north == 0.0):
+            return
+        sigma = sigma if 0.0 < sigma < np.inf else AUTOPILOT_SIGMA
+        self._by_autopilot = Wind(
+            np.array([east, north]), sigma**2 * np.eye(2), WindSource.AUTOPILOT
+        )
+        self._told_at = time
+
+    def shown(self, wind: FlightWind | None) -> None:
+        """Take in what the present turn shows; None where it shows nothing."""
+        if wind is not None and worst_sigma(wind.covariance) <= MOST_SIGMA:
+            self._by_flight = wind
+
+    def at(self, time: float) -> Wind | None:
+        """The wind believed at a time [s]; None where nobody knows."""
+        flight = self._of_flight(time)
+        autopilot = self._by_autopilot if time - self._told_at <= FRESH else None
+        if autopilot is not None and flight is not None:
+            if not contradict(autopilot, flight):
+                return _noted(autopilot, f"the flight shows {described(flight)}")
+            note = f"{flight.note}; the autopilot says {described(autopilot)}"
+            opposite = _turned(autopilot)
+            if not contradict(opposite, flight):
+                note += ", the opposite: where it blows to"
+            return _noted(flight, note)
+        return autopilot or flight or self._by_user
+
+    def _of_flight(self, time: float) -> Wind | None:
+        shown = self._by_flight
+        if shown is None:
+            return None
+        age = max(0.0, time - shown.time)
+        covariance = shown.covariance + _AGEING * age * np.eye(2)
+        if worst_sigma(covariance) > MOST_SIGMA:
+            return None
+        note = ", ".join(filter(None, (shown.relation, shown.note)))
+        return Wind(shown.velocity, covariance, WindSource.FLIGHT, note)
+
+
+def user_wind(wind: SetWind) -> Wind | None:
+    """The wind set by parameters; None where it is not."""
+    if not isfinite(wind.speed):
+        return None
+    blows_from = radians(wind.from_direction)
+    velocity = -wind.speed * np.array([sin(blows_from), cos(blows_from)])
+    return Wind(velocity, wind.accuracy**2 * np.eye(2), WindSource.PARAMETER)
+
+
+def described(wind: Wind) -> str:
+    """Strength and direction of a wind in words."""
+    return f"{wind.speed:.1f} m/s from {wind.from_direction:.0f} deg"
+
+
+def _noted(wind: Wind, note: str) -> Wind:
+    return Wind(wind.velocity, wind.covariance, wind.source, note)
+
+
+def _turned(wind: Wind) -> Wind:
+    return Wind(-wind.velocity, wind.covariance, wind.source)
