@@ -133,7 +133,8 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ),
     ParameterSpec(
         key="mavlink.url", type=str, default="",
-        meaning="MAVLink source: udpin:, udpout:, tcp:, serial or log; empty for ROS topics",
+        meaning="MAVLink source: udpin:, udpout:, tcp:, tcpin:, serial device or log; "
+        "empty for ROS topics",
     ),
     ParameterSpec(
         key="mavlink.baud", type=int, unit="baud", default=57_600,
@@ -146,6 +147,15 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
         key="mavlink.component", type=int, default=0,
         minimum=0, maximum=255, meaning="MAVLink component id; 0 for the vehicle's autopilot",
+    ),
+    ParameterSpec(
+        key="mavlink.heartbeat", type=bool, default=False,
+        meaning="whether a heartbeat is sent each second (on udpout: it always is)",
+    ),
+    ParameterSpec(
+        key="mavlink.request_rate", type=float, unit="1/s", default=0.0,
+        minimum=0.0, maximum=50.0,
+        meaning="rate of position messages to ask the vehicle for; 0 to ask for nothing",
     ),
     ParameterSpec(
         key="replay.rate", type=float, default=0.0,

@@ -11,6 +11,26 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
 
+TOPICS = {
+    "fix": ("mavros/global_position/global", "Topic of the position (NavSatFix)"),
+    "odom": (
+        "mavros/local_position/odom",
+        "Topic of the velocity, and of the position without fix (Odometry)",
+    ),
+    "pose": (
+        "mavros/local_position/pose",
+        "Topic of the position where there is neither of these (PoseStamped)",
+    ),
+    "velocity": (
+        "mavros/local_position/velocity_local",
+        "Topic of the velocity where there is no odometry (TwistStamped, ENU)",
+    ),
+    "wind": (
+        "mavros/wind_estimation",
+        "Topic of the wind, where the air moves to (TwistWithCovarianceStamped, ENU)",
+    ),
+}
+
 
 def generate_launch_description():
     return LaunchDescription(
@@ -27,15 +47,9 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 "log_level", default_value="info", description="debug, info, warn, error or fatal"
             ),
-            DeclareLaunchArgument(
-                "fix",
-                default_value="mavros/global_position/global",
-                description="Topic of the position (NavSatFix)",
-            ),
-            DeclareLaunchArgument(
-                "odom",
-                default_value="mavros/local_position/odom",
-                description="Topic of the velocity, and of the position without fix (Odometry)",
+            *(
+                DeclareLaunchArgument(name, default_value=topic, description=description)
+                for name, (topic, description) in TOPICS.items()
             ),
             Node(
                 package="ctcbs_ros",
@@ -51,8 +65,7 @@ def generate_launch_description():
                     },
                 ],
                 remappings=[
-                    ("fix", LaunchConfiguration("fix")),
-                    ("odom", LaunchConfiguration("odom")),
+                    (topic, LaunchConfiguration(name)) for name, (topic, _) in TOPICS.items()
                 ],
                 arguments=["--ros-args", "--log-level", LaunchConfiguration("log_level")],
                 output="screen",

@@ -12,7 +12,13 @@ import yaml
 pytest.importorskip("rclpy", reason="needs ROS 2 (rclpy)")
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped
+from geometry_msgs.msg import (
+    PointStamped,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TwistStamped,
+    TwistWithCovarianceStamped,
+)
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
@@ -24,7 +30,7 @@ from visualization_msgs.msg import MarkerArray
 
 from ctcbs_ros.geodesy import Datum, to_geodetic
 from ctcbs_ros.replay.through_node import quoted
-from ctcbs_ros.telemetry.topics import nanoseconds
+from ctcbs_ros.telemetry.topics import nanoseconds, velocity_enu
 
 EXAMPLES = Path(__file__).parents[1] / "msg_examples"
 LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
@@ -36,6 +42,9 @@ LAST_STAMP_NS = 1_767_268_800_000_000_000  # 2026-01-01 12:00 UTC
 LAST_ANGLE = radians(30.0)
 
 INPUTS = {"fix": NavSatFix, "odom": Odometry}
+LOCAL_INPUTS = {
+    "pose": PoseStamped, "velocity": TwistStamped, "wind": TwistWithCovarianceStamped
+}  # fmt: skip
 OUTPUTS = {
     "end_mass_pose": ("/predictor/end_mass/pose", PoseWithCovarianceStamped, 10),
     "end_mass_fix": ("/predictor/end_mass/fix", NavSatFix, 10),
@@ -139,13 +148,10 @@ def assert_same(found, expected, where):
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory, drone_table):
-    """The node after the flight, by topics remapped to mavros's names, and all it published."""
+    """The node after the flight, by mavros's topics, and all it published."""
     folder = tmp_path_factory.mktemp("flown")
     parameters = {"table.file": quoted(str(drone_table)), "diagnostics.period": 0.1}
-    remapping = (
-        "-r", "fix:=mavros/global_position/global", "-r", "odom:=mavros/local_position/odom",
-    )  # fmt: skip
-    with RunningNode(folder, parameters, arguments=remapping) as node:
+    with RunningNode(folder, parameters) as node:
         node.received = {
             name: node.messages(message_type, topic, qos)
             for name, (topic, message_type, qos) in OUTPUTS.items()
@@ -178,7 +184,19 @@ def test_input_example_is_the_last_message_of_the_flight(name):
 
 
 def test_there_is_an_example_of_each_topic():
-    assert {path.stem for path in EXAMPLES.glob("*.yaml")} == {*INPUTS, *OUTPUTS, "summary"}
+    examples = {path.stem for path in EXAMPLES.glob("*.yaml")}
+    assert examples == {*INPUTS, *LOCAL_INPUTS, *OUTPUTS, "summary"}
+
+
+def test_examples_of_pose_velocity_and_wind_are_of_the_same_moment():
+    pose, velocity, wind = (as_message(LOCAL_INPUTS[name], example(name)) for name in LOCAL_INPUTS)
+    odom = as_message(Odometry, example("odom"))
+    assert_same(as_data(pose.pose.position), as_data(odom.pose.pose.position), "pose")
+    assert pose.header.stamp == velocity.header.stamp == odom.header.stamp
+    v = velocity.twist.linear
+    assert (v.x, v.y, v.z) == pytest.approx(velocity_enu(odom), abs=1e-6)
+    w = wind.twist.twist.linear
+    assert (w.x, w.y) == pytest.approx((7 * sin(radians(31)), 7 * cos(radians(31))), abs=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,7 @@ EDGES = (
     "replay/through_node.py", "bench/peer_mavlink.py", "bench/peer_node.py",
     "telemetry/ulog", "telemetry/rosbag", "telemetry/dataflash_text.py",
     "telemetry/mavlink_fields.py", "telemetry/vehicle_choice.py", "telemetry/vehicle_messages.py",
+    "telemetry/own_messages.py",
 )
 # ... with the libraries that read their logs ...
 LOG_READERS = ("pyulog", "rosbags")

@@ -1,5 +1,7 @@
-"""Live links: real sockets, a sender that is killed and comes back, floods, wrong urls."""
+"""Live links: real sockets and ports, peers that go away and come back, floods, wrong urls."""
 
+import errno
+import itertools
 import os
 import pty
 import signal
@@ -10,11 +12,14 @@ import time
 
 import pytest
 from mavlink_bytes import Sender, gps_raw, heartbeat, position
+from pymavlink.dialects.v20 import all as dialect
 
 from ctcbs_ros.errors import InputError
+from ctcbs_ros.telemetry import live, own_messages, transport
 from ctcbs_ros.telemetry.link import Vehicle
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.mavlink import MavlinkDecoder, open_link
+from ctcbs_ros.telemetry.transport import Reconnecting
 
 # A vehicle in a process of its own, by pymavlink's link: 20 positions a second from a boot time.
 VEHICLE = """
@@ -37,6 +42,14 @@ def free_port(kind=socket.SOCK_DGRAM):
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
+
+
+def until(condition, timeout=20.0):
+    """Wait until a condition holds; fails when it does not."""
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
 
 
 def collect(source, enough, timeout=10.0):
@@ -137,15 +150,23 @@ def test_malformed_url_is_refused_with_what_is_allowed(url):
     assert repr(url) in str(refusal.value)
 
 
+def messages_of(data):
+    """What is in some bytes, by pymavlink's own parser."""
+    return dialect.MAVLink(None).parse_buffer(bytearray(data)) or []
+
+
 def test_caller_is_answered_once_its_heartbeat_was_heard(link):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         vehicle.bind(("127.0.0.1", 0))
         vehicle.settimeout(10)
         source = link(f"udpout:127.0.0.1:{vehicle.getsockname()[1]}")
         hello, caller = vehicle.recvfrom(300)
-        (found,) = MavlinkDecoder(False)._frames.split(hello)
-        assert found[1].get_type() == "HEARTBEAT"
-        assert found[1].autopilot == 8  # MAV_AUTOPILOT_INVALID: not one that others would follow
+        (found,) = messages_of(hello)
+        assert found.get_type() == "HEARTBEAT"
+        assert found.type == dialect.MAV_TYPE_ONBOARD_CONTROLLER
+        assert found.autopilot == dialect.MAV_AUTOPILOT_INVALID
+        # Not the system of ground stations, whose heartbeats hold off a failsafe.
+        assert found.get_srcSystem() == 254
         send = Sender()
         vehicle.sendto(send(heartbeat()) + send(position(1000)), caller)
         assert collect(source, 1)[0].latitude == 47.4
@@ -154,27 +175,257 @@ def test_caller_is_answered_once_its_heartbeat_was_heard(link):
 def test_tcp_server_may_go_away_and_come_back(link):
     port = free_port(socket.SOCK_STREAM)
     source = link(f"tcp:127.0.0.1:{port}")
+    until(lambda: source.state() == "not up yet: Connection refused")
     send = Sender()
-    for boot_ms in (1000, 3000):
+    for number, boot_ms in enumerate((1000, 3000), 1):
         with socket.create_server(("127.0.0.1", port)) as server:
-            server.settimeout(10)
+            server.settimeout(20)
             connection, _ = server.accept()
             with connection:
                 connection.sendall(send(heartbeat()) + send(position(boot_ms)))
                 assert collect(source, 1)[0].time == boot_ms / 1000
+                assert source._transport.trouble == ""
+                assert source.connections == number
+        until(lambda: source.state() == "lost: Connection refused")
 
 
-def test_serial_device_is_read(link):
-    pytest.importorskip("serial", reason="pyserial is not installed")
-    controller, device = pty.openpty()
-    source = link(os.ttyname(device), baud=115200)
+def test_link_that_is_refused_is_tried_ever_less_often(monkeypatch):
+    monkeypatch.setattr(transport, "FIRST_RETRY", 0.1)
+    tries = []
+
+    def refused():
+        tries.append(time.monotonic())
+        raise ConnectionRefusedError(errno.ECONNREFUSED, "Connection refused")
+
+    connection = Reconnecting(refused, None, None)
+    until(lambda: connection.read() == b"" and len(tries) == 4)
+    pauses = [after - before for before, after in itertools.pairwise(tries)]
+    for pause, least in zip(pauses, (0.1, 0.2, 0.4), strict=True):
+        assert pause >= least
+
+
+def test_whoever_connects_to_a_listening_tcp_link_is_read_and_the_newest_counts(link):
+    port = free_port(socket.SOCK_STREAM)
+    source = link(f"tcpin:{port}")
+    assert source.state() == "not up yet: nobody has connected"
     send = Sender()
-    os.write(controller, send(heartbeat()) + send(position(1000)))
-    assert collect(source, 1)[0].time == 1.0
-    os.close(device)
-    os.close(controller)  # unplugged: reading goes on without raising
-    time.sleep(0.3)
-    assert source._thread.is_alive()
+    with socket.create_connection(("127.0.0.1", port)) as first:
+        first.sendall(send(heartbeat()) + send(position(1000)))
+        assert collect(source, 1)[0].time == 1.0
+        # The first one hangs, without a word; the vehicle connects anew.
+        with socket.create_connection(("127.0.0.1", port)) as second:
+            second.sendall(send(position(2000)))
+            assert collect(source, 1)[0].time == 2.0
+            assert source.connections == 2
+        until(lambda: source.state() == "lost: closed by the peer")
+    with socket.create_connection(("127.0.0.1", port)) as third:
+        third.sendall(send(position(3000)))
+        assert collect(source, 1)[0].time == 3.0
+
+
+def test_serial_device_may_be_unplugged_and_plugged_in_again(link, tmp_path):
+    pytest.importorskip("serial", reason="pyserial is not installed")
+    plug = tmp_path / "ttyUSB0"
+    send = Sender()
+    ends = pty.openpty()
+    plug.symlink_to(os.ttyname(ends[1]))
+    source = link(str(plug), baud=115200)
+    for boot_ms in (1000, 3000):
+        until(lambda: source._transport.trouble == "")
+        os.write(ends[0], send(heartbeat()) + send(position(boot_ms)))
+        assert collect(source, 1, timeout=20.0)[0].time == boot_ms / 1000
+        plug.unlink()
+        for end in ends:
+            os.close(end)
+        until(lambda: source.state().startswith("lost: "))
+        ends = pty.openpty()
+        plug.symlink_to(os.ttyname(ends[1]))
+    until(lambda: source.connections == 3)
+    for end in ends:
+        os.close(end)
+
+
+def test_silence_of_a_udp_link_is_seen_and_its_end(link, monkeypatch):
+    monkeypatch.setattr(live, "SILENT", 0.5)
+    port = free_port()
+    source = link(f"udpin:{port}")
+    assert source.state() == "nothing received yet"
+    send, radio = Sender(), Sender(51, 68)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.connect(("127.0.0.1", port))
+        status = dialect.MAVLink_radio_status_message(200, 200, 90, 40, 40, 0, 0)
+
+        def heard_as(state, *frames):
+            until(lambda: sender.send(b"".join(frames)) and source.state() == state)
+
+        heard_as("up, but no vehicle to follow is heard", radio(status))
+        heard_as("up: system 1, component 1, fixed wing", send(heartbeat()), send(position(1000)))
+        until(lambda: source.state().startswith("lost: nothing received for "))
+        heard_as("up, but system 1, component 1 is silent", radio(status))
+        heard_as("up: system 1, component 1, fixed wing", send(position(2000)))
+    assert {s.flight for s in collect(source, 2)} == {0}
+
+
+# --- what is said on the link -------------------------------------------------------------------
+
+
+class Autopilot:
+    """A vehicle on a UDP link that takes commands; its answers are by message id."""
+
+    def __init__(self, port, results):
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.connect(("127.0.0.1", port))
+        self._socket.settimeout(0.1)
+        self._send = Sender()
+        self._results = results
+        self.boot_ms = 100_000
+        self.heard = []
+
+    def run_until(self, condition, timeout=30.0):
+        """Send heartbeats and positions, and answer, until a condition holds."""
+        deadline = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < deadline, [m.to_dict() for m in self.heard]
+            self.boot_ms += 100
+            self._socket.send(self._send(heartbeat()) + self._send(position(self.boot_ms)))
+            try:
+                found = messages_of(self._socket.recv(65535))
+            except OSError:
+                continue
+            for message in found:
+                self.heard.append(message)
+                result = None
+                if message.get_type() == "COMMAND_LONG":
+                    result = self._results.get(message.param1, 0)
+                if result is not None:
+                    answer = dialect.MAVLink_command_ack_message(
+                        message.command, result, 0, 0, message.get_srcSystem(), 0
+                    )
+                    self._socket.send(self._send(answer))
+
+    def close(self):
+        self._socket.close()
+
+
+@pytest.fixture
+def autopilot():
+    """Starts autopilots, and closes them after the test."""
+    started = []
+
+    def start(*args):
+        started.append(Autopilot(*args))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.close()
+
+
+def test_nothing_is_sent_unless_it_is_asked_for(link, autopilot):
+    port = free_port()
+    source = link(f"udpin:{port}")
+    vehicle = autopilot(port, {})
+    samples = []
+    vehicle.run_until(lambda: samples.extend(source.poll()) or len(samples) > 8)
+    assert vehicle.heard == []
+
+
+def test_heartbeat_of_a_companion_computer_is_sent_where_it_is_asked_for(link, autopilot):
+    port = free_port()
+    link(f"udpin:{port}", heartbeat=True)
+    vehicle = autopilot(port, {})
+    vehicle.run_until(lambda: len(vehicle.heard) == 2)
+    for message in vehicle.heard:
+        assert message.get_type() == "HEARTBEAT"
+        assert message.type == dialect.MAV_TYPE_ONBOARD_CONTROLLER
+        assert (message.get_srcSystem(), message.get_srcComponent()) == (254, 191)
+    first, second = (message.get_seq() for message in vehicle.heard)
+    assert second == first + 1
+
+
+def test_rates_are_requested_one_by_one_and_again_after_a_reboot(link, autopilot, monkeypatch):
+    monkeypatch.setattr(own_messages, "ANSWER_WITHIN", 0.3)
+    port = free_port()
+    source = link(f"udpin:{port}", request_rate=10.0)
+    denied, silent = dialect.MAVLINK_MSG_ID_WIND_COV, dialect.MAVLINK_MSG_ID_VFR_HUD
+    vehicle = autopilot(port, {denied: dialect.MAV_RESULT_DENIED, silent: None})
+    vehicle.run_until(lambda: len(source.answers) == len(own_messages.REQUESTED))
+    assert source.answers["GLOBAL_POSITION_INT"] == "accepted"
+    assert source.answers["WIND_COV"] == "denied"
+    assert source.answers["VFR_HUD"] == "no answer"
+    requests = [(m.param1, m.param2) for m in vehicle.heard]
+    assert requests.count((silent, 200_000.0)) >= own_messages.TRIES
+    assert requests[0] == (dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, 100_000.0)
+    assert {m.command for m in vehicle.heard} == {dialect.MAV_CMD_SET_MESSAGE_INTERVAL}
+    assert {(m.target_system, m.target_component) for m in vehicle.heard} == {(1, 1)}
+    vehicle.heard.clear()
+    vehicle.boot_ms = 3000
+    vehicle.run_until(lambda: vehicle.heard)
+    assert vehicle.heard[0].param1 == dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
+
+
+# --- what comes over it -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_both_versions_and_damage_between_messages_are_read_and_counted(link, version):
+    port = free_port()
+    source = link(f"udpin:{port}")
+    send = Sender(version=version)
+    whole = [send(heartbeat()), *(send(position(1000 + 200 * i)) for i in range(20))]
+    assert whole[0][0] == {1: 0xFE, 2: 0xFD}[version]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.connect(("127.0.0.1", port))
+        for number, frame in enumerate(whole):
+            if number in (5, 11):  # a byte wrong: the checksum fails
+                frame = frame[:15] + bytes([frame[15] ^ 0x10]) + frame[16:]
+            if number == 8:
+                frame = b"\x00\xff noise" + frame
+            sender.send(frame)
+        samples = collect(source, 18)
+    assert samples[-1].time == 4.8
+    assert source.link.messages == 19
+    assert source.link.lost[1, 1] == 2
+    assert source.link.bad_runs == 3
+    assert source.link.bad_bytes == 8 + len(whole[5]) + len(whole[11])
+
+
+def test_signed_messages_are_read_though_the_key_is_not_known(link):
+    port = free_port()
+    source = link(f"udpin:{port}")
+    signer = dialect.MAVLink(None, 1, 1)
+    signer.signing.secret_key = bytes(range(32))
+    signer.signing.sign_outgoing = True
+    frames = [message.pack(signer) for message in (heartbeat(), position(1000))]
+    assert frames[0][2] & 1  # MAVLINK_IFLAG_SIGNED
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(b"".join(frames), ("127.0.0.1", port))
+        assert collect(source, 1)[0].time == 1.0
+    assert source.link.bad_bytes == 0
+
+
+def test_of_all_that_share_a_link_the_aircraft_is_followed_or_the_one_asked_for(link):
+    first, asked = (link(f"udpin:{free_port()}", system=wanted) for wanted in (None, 9))
+    others = [
+        ((255, 190), dialect.MAV_TYPE_GCS),
+        ((1, 154), dialect.MAV_TYPE_GIMBAL),
+        ((1, 100), dialect.MAV_TYPE_CAMERA),
+        ((1, 156), dialect.MAV_TYPE_ADSB),
+        ((2, 1), dialect.MAV_TYPE_ANTENNA_TRACKER),
+        ((9, 191), dialect.MAV_TYPE_ONBOARD_CONTROLLER),
+    ]
+    radio, plane, boat = Sender(51, 68), Sender(3, 1), Sender(9, 1)
+    frames = [Sender(*ids)(heartbeat(kind, 3)) for ids, kind in others]
+    frames += [radio(dialect.MAVLink_radio_status_message(200, 200, 90, 40, 40, 0, 0))]
+    frames += [boat(heartbeat(dialect.MAV_TYPE_SURFACE_BOAT)), plane(heartbeat())]
+    frames += [plane(position(1000)), boat(position(5000, lat=10.0))]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for source in (first, asked):
+            sender.sendto(b"".join(frames), source._transport._socket.getsockname())
+    assert [s.latitude for s in collect(first, 1)] == [47.4]
+    assert [s.latitude for s in collect(asked, 1)] == [10.0]
+    assert first.vehicle == Vehicle(3, 1, "fixed wing")
+    assert asked.vehicle == Vehicle(9, 1, "surface boat")
 
 
 def test_flood_keeps_the_newest_samples_and_counts_the_rest():

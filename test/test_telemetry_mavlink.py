@@ -67,8 +67,10 @@ def test_accuracy_that_the_receiver_does_not_know_is_not_known(eph):
 
 
 def test_evidence_of_a_receiver_silent_for_ten_seconds_is_none():
-    sent = messages(heartbeat(), gps_raw(), position(1000), position(10_900), position(11_100))
-    samples, _ = decode(sent)
+    boots = [1000, 10_900, 11_100]
+    sent = messages(heartbeat(), gps_raw(), *(position(boot) for boot in boots))
+    received = [START_US + 1000 * ms for ms in (1000, 1000, *boots)]
+    samples, _ = decode(list(zip(received, sent, strict=True)))
     assert [sample.fix_type for sample in samples] == [3, 3, None]
 
 

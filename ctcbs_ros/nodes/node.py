@@ -1,11 +1,13 @@
 """The node: parameters in, samples from a log, a link or topics, predictions out."""
 
 import sys
-import time
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped, TwistStamped, TwistWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
@@ -28,14 +30,20 @@ from ctcbs_ros.prediction.warm_up import spare_collector, warm_up
 from ctcbs_ros.replay.summary import Summary, source_counts
 from ctcbs_ros.schema import BY_KEY
 from ctcbs_ros.table import table_for
+from ctcbs_ros.telemetry.link import Vehicle
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.mavlink import open_link
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.source import LogSource, open_log
 from ctcbs_ros.telemetry.topics import TopicSamples
+from ctcbs_ros.telemetry.transport import SCHEMES
 
+# Topics in, as mavros publishes them; remapped where others do.
+FIX, ODOM = "mavros/global_position/global", "mavros/local_position/odom"
+POSE, VELOCITY = "mavros/local_position/pose", "mavros/local_position/velocity_local"
+WIND = "mavros/wind_estimation"
 POLL_PERIOD = 0.02  # s between two looks at a live link
-LINKS = ("udpin:", "udpout:", "tcp:", "/dev/")
+LINKS = (*(f"{scheme}:" for scheme in SCHEMES), "/dev/")
 
 
 class PredictorNode(Node):
@@ -62,16 +70,22 @@ class PredictorNode(Node):
         self._log: LogSource | None = None
         self._log_summary: Summary | None = None
         self._live: LiveSource | None = None
+        self._vehicle: Vehicle | None = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
 
         url = self._values["mavlink.url"]
-        self._source_name = url or f"topics {self.resolve_topic_name('fix')}, " + (
-            self.resolve_topic_name("odom")
-        )
+        topics = (self.resolve_topic_name(name) for name in (FIX, ODOM, POSE))
+        self._source_name = url or f"topics {', '.join(topics)}"
         if _names_log(url):
             self._log = open_log(url, *self._vehicle_wanted())
         elif url:
-            self._live = open_link(url, self._values["mavlink.baud"], *self._vehicle_wanted())
+            self._live = open_link(
+                url,
+                self._values["mavlink.baud"],
+                *self._vehicle_wanted(),
+                heartbeat=self._values["mavlink.heartbeat"],
+                request_rate=self._values["mavlink.request_rate"],
+            )
 
         self.get_logger().info("loading the table, or building it where there is none yet")
         table = table_for(configuration, self._values["table.file"], sys.stderr.isatty())
@@ -101,6 +115,7 @@ class PredictorNode(Node):
     def _listen(self) -> None:
         if self._log is not None:
             self._log_summary = Summary(self._predictor)
+            self._name_vehicle()
             self._pump = LogPump(
                 self,
                 self._log,
@@ -114,23 +129,35 @@ class PredictorNode(Node):
         elif self._live is not None:
             self.create_timer(POLL_PERIOD, self._poll, clock=self._steady)
         else:
-            samples = TopicSamples()
+            self._subscribe(TopicSamples())
+
+    def _subscribe(self, samples: TopicSamples) -> None:
+        def hear(handler, message) -> None:
+            self._take(handler(message, self.get_clock().now().nanoseconds // 1000))
+
+        for name, message_type, handler in (
+            (FIX, NavSatFix, samples.fix),
+            (ODOM, Odometry, samples.odometry),
+            (POSE, PoseStamped, samples.pose),
+            (VELOCITY, TwistStamped, samples.twist),
+            (WIND, TwistWithCovarianceStamped, samples.wind_estimation),
+        ):
             self.create_subscription(
-                NavSatFix,
-                "fix",
-                lambda m: self._take(samples.fix(m, time.time_ns() // 1000)),
-                qos_profile_sensor_data,
-            )
-            self.create_subscription(
-                Odometry,
-                "odom",
-                lambda m: self._take(samples.odometry(m, time.time_ns() // 1000)),
-                qos_profile_sensor_data,
+                message_type, name, partial(hear, handler), qos_profile_sensor_data
             )
 
     def _poll(self) -> None:
+        self._name_vehicle()
         for sample in self._live.poll():
             self._take(sample)
+
+    def _name_vehicle(self) -> None:
+        vehicle = (self._log or self._live).vehicle
+        if vehicle != self._vehicle:
+            self._vehicle = vehicle
+            self.get_logger().info(
+                f"following {vehicle.type}, system {vehicle.system}, component {vehicle.component}"
+            )
 
     def _take(self, sample: Sample | None) -> None:
         if sample is None:
@@ -177,11 +204,15 @@ class PredictorNode(Node):
     def _silence(self) -> Warning | None:
         """The warning that no sample comes, by the node's clock; a log is silent only at first."""
         if self._last_sample_at is None:
-            return Warning(WarningCode.STALE_TELEMETRY, Level.ERROR, "no sample yet")
-        if self._log is not None:
+            warning = Warning(WarningCode.STALE_TELEMETRY, Level.ERROR, "no sample yet")
+        elif self._log is not None:
             return None
-        since = self.get_clock().now() - self._last_sample_at
-        return self._predictor.stale(since.nanoseconds / 1e9)
+        else:
+            since = self.get_clock().now() - self._last_sample_at
+            warning = self._predictor.stale(since.nanoseconds / 1e9)
+        if warning is not None and self._live is not None:
+            return replace(warning, text=f"{warning.text}; link {self._live.state()}")
+        return warning
 
     def _source_figures(self) -> Record:
         figures: Record = {"source": self._source_name}
@@ -199,7 +230,10 @@ class PredictorNode(Node):
         if self._log is not None:
             figures["log progress"] = self._log.progress
         if self._live is not None:
+            figures["link state"] = self._live.state()
+            figures["link connections"] = self._live.connections
             figures["dropped because the node was late"] = self._live.dropped
+            figures |= {f"rate of {name}": told for name, told in self._live.answers.items()}
         return figures
 
     # --- parameters -----------------------------------------------------------------------------

@@ -9,6 +9,7 @@ from ctcbs_ros.telemetry.sample import Sample, Vector
 from ctcbs_ros.telemetry.transport import Transport
 
 CAPACITY = 1000
+SILENT = 2.0  # s without a byte until a link counts as lost; heartbeats come every second
 
 
 class LiveSource:
@@ -21,6 +22,8 @@ class LiveSource:
     transport : Transport
         Where the bytes come from.
     decoder : MavlinkDecoder
+    own : OwnMessages, optional
+        What to send.
     capacity : int
         Samples kept until they are polled; when full, the oldest gives way.
 
@@ -32,8 +35,9 @@ class LiveSource:
         `time.monotonic()` at the newest bytes [s].
     """
 
-    def __init__(self, transport: Transport, decoder, capacity: int = CAPACITY):
+    def __init__(self, transport: Transport, decoder, own=None, capacity: int = CAPACITY):
         self._transport = transport
+        self._own = own
         self._decoder = decoder
         self._samples: deque[Sample] = deque(maxlen=capacity)
         self._lock = threading.Lock()
@@ -58,6 +62,34 @@ class LiveSource:
         """Newest wind of the autopilot, velocity towards east, north, up [m/s]."""
         return self._decoder.wind
 
+    @property
+    def connections(self) -> int:
+        """How often the link has been made; 1 for UDP."""
+        return self._transport.connections
+
+    @property
+    def answers(self) -> dict[str, str]:
+        """The vehicle's answers to the requests for rates, by message."""
+        return {} if self._own is None else dict(self._own.answers)
+
+    def state(self) -> str:
+        """How the link is, in words: "up", "lost: Connection refused"."""
+        trouble, received = self._transport.trouble, self.last_received
+        if trouble:
+            return f"not up yet: {trouble}" if received is None else f"lost: {trouble}"
+        if received is None:
+            return "nothing received yet"
+        silent = time.monotonic() - received
+        if silent > SILENT:
+            return f"lost: nothing received for {silent:.0f} s"
+        vehicle = self.vehicle
+        if vehicle is None:
+            return "up, but no vehicle to follow is heard"
+        heard = self._own.heard if self._own is not None else None
+        if heard is not None and time.monotonic() - heard > SILENT:
+            return f"up, but system {vehicle.system}, component {vehicle.component} is silent"
+        return f"up: system {vehicle.system}, component {vehicle.component}, {vehicle.type}"
+
     def poll(self) -> list[Sample]:
         """Samples that came since the last call, oldest first; returns at once."""
         with self._lock:
@@ -73,6 +105,9 @@ class LiveSource:
 
     def _read(self) -> None:
         while not self._closing.is_set():
+            if self._own is not None:
+                for frame in self._own.due(self.vehicle):
+                    self._transport.send(frame)
             data = self._transport.read()
             if not data:
                 continue

@@ -4,13 +4,14 @@ Bytes become frames (frames.py), a frame a message (pymavlink), and the messages
 that is followed become samples (vehicle_messages.py).
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from pymavlink.dialects.v20 import all as dialect
 
 from ctcbs_ros.telemetry.frames import FrameSplitter
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.live import LiveSource
+from ctcbs_ros.telemetry.own_messages import OwnMessages
 from ctcbs_ros.telemetry.sample import Sample, Vector
 from ctcbs_ros.telemetry.transport import open_transport
 from ctcbs_ros.telemetry.vehicle_messages import VehicleDecoder
@@ -25,6 +26,8 @@ class MavlinkDecoder:
         Whether the stream is a .tlog, with a receive stamp before each message.
     system, component, vehicle
         As for `VehicleDecoder`.
+    hear : callable, optional
+        Called with each message of the vehicle followed.
     """
 
     def __init__(
@@ -33,9 +36,11 @@ class MavlinkDecoder:
         system: int | None = None,
         component: int | None = None,
         vehicle: Vehicle | None = None,
+        hear: Callable | None = None,
     ):
         self.link = LinkStatistics()
         self._messages = VehicleDecoder(system, component, vehicle, self.link)
+        self._hear = hear
         self._frames = FrameSplitter(frame_decoder(), stamped, self.link)
 
     @property
@@ -61,6 +66,8 @@ class MavlinkDecoder:
         """
         for stamp_us, message in self._frames.split(data, last):
             sample = self._messages.decode(message, receive_us if stamp_us is None else stamp_us)
+            if self._hear is not None and self._messages.follows(message):
+                self._hear(message)
             if sample is not None:
                 yield sample
 
@@ -79,38 +86,35 @@ def frame_decoder():
 
 
 def open_link(
-    url: str, baud: int = 57600, system: int | None = None, component: int | None = None
+    url: str,
+    baud: int = 57600,
+    system: int | None = None,
+    component: int | None = None,
+    heartbeat: bool = False,
+    request_rate: float = 0.0,
 ) -> LiveSource:
     """Open a live MAVLink link.
 
     Parameters
     ----------
     url : str
-        `udpin:[HOST:]PORT` (listens; on loopback unless HOST says otherwise), `udpout:HOST:PORT`
-        (sends heartbeats there, so that the peer answers), `tcp:HOST:PORT`, or a serial device.
+        `udpin:[HOST:]PORT` or `tcpin:[HOST:]PORT` (listens; on loopback unless HOST says
+        otherwise), `udpout:HOST:PORT` (sends heartbeats there, so that the peer answers),
+        `tcp:HOST:PORT`, or a serial device.
     baud : int
         Rate of a serial device.
     system, component : int, optional
-        MAVLink ids of the vehicle wanted; see `VehicleDecoder`.
+        MAVLink ids of the vehicle wanted; see `VehicleChoice`.
+    heartbeat : bool
+        Whether to send a heartbeat each second on any link.
+    request_rate : float
+        Rate of position messages to ask the vehicle for [1/s]; 0 to ask for nothing.
 
     Raises
     ------
     InputError
         If the url is malformed, the port is taken or the device cannot be opened.
     """
-    transport = open_transport(url, baud, own_heartbeats())
-    return LiveSource(transport, MavlinkDecoder(False, system, component))
-
-
-def own_heartbeats() -> Iterator[bytes]:
-    """Heartbeats of this program, which is no autopilot and no ground station, without end."""
-    sender = dialect.MAVLink(None, 255, dialect.MAV_COMP_ID_ONBOARD_COMPUTER)
-    while True:
-        yield sender.heartbeat_encode(
-            dialect.MAV_TYPE_ONBOARD_CONTROLLER,
-            dialect.MAV_AUTOPILOT_INVALID,
-            base_mode=0,
-            custom_mode=0,
-            system_status=dialect.MAV_STATE_ACTIVE,
-        ).pack(sender)
-        sender.seq = (sender.seq + 1) % 256
+    own = OwnMessages(heartbeat or url.startswith("udpout:"), request_rate)
+    transport = open_transport(url, baud)
+    return LiveSource(transport, MavlinkDecoder(False, system, component, hear=own.hear), own)

@@ -110,7 +110,7 @@ class VehicleDecoder:
             The sample that the message completes.
         """
         kind = message.get_type()
-        source = (message.get_srcSystem(), message.get_srcComponent())
+        source = _source(message)
         is_position = kind in Positions.__members__
         if kind in ("HEARTBEAT", "HIGH_LATENCY2"):
             self._choice.hear_heartbeat(source, message.type, message.autopilot)
@@ -121,6 +121,10 @@ class VehicleDecoder:
             return None
         handler = self._handlers.get(kind)
         return handler(message, receive_us) if handler else None
+
+    def follows(self, message) -> bool:
+        """Whether a message is of the vehicle followed."""
+        return self._choice.follows(_source(message))
 
     def choose_any(self) -> None:
         """Follow the first sender of positions now, however few they were."""
@@ -325,3 +329,7 @@ class VehicleDecoder:
         if wind is not None:
             self.wind = self._new_wind = wind
             self._wind_accuracy = accuracy
+
+
+def _source(message) -> tuple[int, int]:
+    return message.get_srcSystem(), message.get_srcComponent()
