@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import rclpy
+from processes import LIMIT
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -15,7 +16,6 @@ from rclpy.node import Node
 from ctcbs_ros.replay.through_node import free_domain
 
 DRONE = Path(__file__).parents[1] / "config" / "small_drone.yaml"
-DISCOVERY = 10.0  # s; mostly 0.3, seen 3
 
 
 class RunningNode:
@@ -52,6 +52,7 @@ class RunningNode:
         self.observer = Node("observer", context=self.context, enable_rosout=False)
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.observer)
+        self._clients = {}
 
     def __enter__(self):
         return self
@@ -74,32 +75,34 @@ class RunningNode:
         self.observer.create_subscription(message_type, topic, received.append, qos)
         return received
 
-    def wait_until(self, condition, timeout=DISCOVERY):
+    def wait_until(self, condition, timeout=LIMIT):
         """Receive until a condition holds; fails where it does not, or where the node ends."""
         deadline = time.monotonic() + timeout
         while not condition():
             assert time.monotonic() < deadline, f"waited in vain; the node said: {self.output}"
             assert self.process.poll() is None, f"the node ended: {self.output}"
-            self.spin(0.02)
+            self._executor.spin_once(timeout_sec=0.02)
 
-    def wait_until_ready(self, timeout=30.0):
+    def wait_until_ready(self):
         """Wait until the node has its table and listens."""
-        self.wait_until(lambda: "ready" in self.output, timeout)
+        self.wait_until(lambda: "ready" in self.output)
 
-    def spin(self, seconds):
-        """Receive for a time."""
-        until = time.monotonic() + seconds
-        while (left := until - time.monotonic()) > 0.0:
-            self._executor.spin_once(timeout_sec=left)
+    def spin(self, seconds, until=lambda: False):
+        """Receive for a time, or until a condition holds."""
+        end = time.monotonic() + seconds
+        while not until() and (left := end - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=min(left, 0.02))
 
-    def call(self, service_type, name, request, timeout=DISCOVERY, again=2.0):
+    def call(self, service_type, name, request, timeout=LIMIT, again=2.0):
         """Call a service of the node; asked again where an answer is lost.
 
         A client sees a service before the service sees the client, and an answer to a client that
         is not seen yet is dropped by rmw_fastrtps after 0.1 s ("client will not receive
         response"). Requests here set or get a value, so that asking twice changes nothing.
         """
-        client = self.observer.create_client(service_type, name)
+        if name not in self._clients:
+            self._clients[name] = self.observer.create_client(service_type, name)
+        client = self._clients[name]
         self.wait_until(client.service_is_ready, timeout)
         deadline = time.monotonic() + timeout
         futures = []
@@ -107,14 +110,12 @@ class RunningNode:
             assert time.monotonic() < deadline, f"no answer; the node said: {self.output}"
             assert self.process.poll() is None, f"the node ended: {self.output}"
             futures.append(client.call_async(request))
-            asked = time.monotonic()
-            while not futures[-1].done() and time.monotonic() < asked + again:
-                self.spin(0.02)
+            self.spin(again, until=lambda: any(future.done() for future in futures))
         return next(future for future in futures if future.done()).result()
 
-    def end(self, *signals, timeout=20.0):
+    def end(self, *signals):
         """Send signals, 0.05 s apart; returns the exit code."""
         for number in signals or (signal.SIGINT,):
             self.process.send_signal(number)
             time.sleep(0.05)
-        return self.process.wait(timeout)
+        return self.process.wait(LIMIT)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from points import FIVE, STRETCHED, design, figure_3_1, parameters
 
-from ctcbs_ros.bench import cost, flight_rows, peer_auto, peer_bvp, peer_ivp, solver_rows
+from ctcbs_ros.bench import cost, flight_rows, peer_auto, peer_bvp, peer_ivp, solver_rows, timing
 from ctcbs_ros.bench.compare import changes, read_report
 from ctcbs_ros.bench.report import document, row_document, text
 from ctcbs_ros.bench.row import Outcome, Row
@@ -131,8 +131,8 @@ def test_calls_of_both_sides_alternate_and_each_round_has_its_ratio():
 
 
 def test_processor_time_counts_work_and_not_waiting():
-    timed = duel(lambda _: time.sleep(0.05), lambda _: sum(range(1_000_000)), rounds=1)
-    assert timed.ours.wall[0] > 0.05 > 10.0 * timed.ours.cpu[0]
+    timed = duel(lambda _: time.sleep(0.2), lambda _: sum(range(3_000_000)), rounds=1)
+    assert timed.ours.cpu[0] < 0.1 < 0.199 < timed.ours.wall[0]
     assert timed.peer.cpu[0] > timed.ours.cpu[0]
 
 
@@ -206,6 +206,24 @@ def test_nothing_to_judge_by_is_no_slow_down():
 
 
 def test_a_slow_down_of_30_percent_is_seen_and_noise_is_not_one(monkeypatch):
+    """The whole way from a row to its judgement, on a clock of its own: each call costs its time
+    and a fifth more or less, on a machine that is at times half as fast."""
+    spent, noise = [0.0], np.random.default_rng(2)
+    monkeypatch.setattr(timing, "processor_time", lambda: spent[0])
+    speed = [1.0]
+
+    def costs(module, name, seconds, call=None):
+        call = call or getattr(module, name)
+
+        def costly(*arguments):
+            spent[0] += speed[0] * seconds * np.exp(noise.normal(0.0, 0.2))
+            return call(*arguments)
+
+        monkeypatch.setattr(module, name, costly)
+
+    costs(timing, "_yardstick", 1e-3)
+    costs(peer_bvp, "steady_state", 1e-2, lambda p, guess, start: guess)
+    costs(solver_rows, "correct_state", 1e-4)
     rows = chosen_rows(CHEAP, quick=True)
 
     def report():
@@ -215,22 +233,16 @@ def test_a_slow_down_of_30_percent_is_seen_and_noise_is_not_one(monkeypatch):
         return report()["rows"][0]
 
     before = {CHEAP: report()["rows"][0]}
-    for _ in range(2):
+    assert before[CHEAP]["ratio"] == pytest.approx(0.01, rel=0.1)
+    for speed[0] in (1.0, 2.0):
         (change,) = changes(report(), before, again)
         assert not change.slower, change
 
-    def slowed(*arguments):
-        started = time.thread_time()
-        result = correct_state(*arguments)
-        took = time.thread_time() - started
-        while time.thread_time() - started < 1.3 * took:
-            pass
-        return result
-
-    monkeypatch.setattr(solver_rows, "correct_state", slowed)
-    (change,) = changes(report(), before, again)
-    assert change.slower, change
-    assert change.by == "peer"
+    costs(solver_rows, "correct_state", 0.3e-4)
+    for speed[0] in (1.0, 2.0):
+        (change,) = changes(report(), before, again)
+        assert change.slower, change
+        assert change.by == "peer"
 
 
 # --- the command --------------------------------------------------------------------------------

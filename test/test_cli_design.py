@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import LIMIT
 
 from ctcbs_ros.cli.main import main
 from ctcbs_ros.configuration import load_configuration
@@ -30,7 +31,7 @@ def test_the_command_prints_json_and_writes_its_report_with_settings_applied(tmp
         "small_drone", "--grid=2", "--safety-factor=4", "--json", "--report", str(file),
         "--set", NARROW[0], "--set", NARROW[1], "--max-end-mass-radius=90%",
     )  # fmt: skip
-    out, err = running.communicate(timeout=300)
+    out, err = running.communicate(timeout=LIMIT)
     assert running.returncode == 0, err
     assert b"design: 100%" in err
     result = json.loads(out)
@@ -60,7 +61,7 @@ def test_an_interrupted_design_ends_with_130_and_leaves_no_file(tmp_path):
         # The bar shows when the work has begun.
         assert running.stderr.read(7) == b"\rdesign"
         running.send_signal(signal.SIGINT)
-        out, err = running.communicate(timeout=60)
+        out, err = running.communicate(timeout=LIMIT)
     finally:
         running.kill()
     assert running.returncode == 130

@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from processes import LIMIT
 
 from ctcbs_ros import __version__
 from ctcbs_ros.cli.main import main
@@ -149,7 +150,7 @@ def test_interrupted_command_ends_with_130_and_one_line(tmp_path, moment):
         assert more, seen.decode()
         seen += more
     process.send_signal(signal.SIGINT)
-    errors = process.communicate(timeout=120)[1].decode()
+    errors = process.communicate(timeout=LIMIT)[1].decode()
     assert process.returncode == 130
     said = [line for line in errors.splitlines() if not imports or "interrupted" in line]
     assert said[-1] == "ctcbs: interrupted"

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from points import STRETCHED, design, figure_3_1
+from processes import LIMIT
 from reference_bvp import boundary_value_problem, brute_force
 
 from ctcbs_ros.configuration import load_configuration
@@ -32,7 +33,7 @@ UNITS = {
 def _run(*arguments):
     return subprocess.run(
         [sys.executable, "-m", "ctcbs_ros", "steady", *arguments],
-        cwd=ROOT, capture_output=True, text=True, timeout=120, check=False,
+        cwd=ROOT, capture_output=True, text=True, timeout=LIMIT, check=False,
     )  # fmt: skip
 
 

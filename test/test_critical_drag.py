@@ -8,6 +8,7 @@ from math import inf
 
 import numpy as np
 import pytest
+from processes import LIMIT
 from scans import FIG_31, FIG_41, most_states, states_at
 from scipy.optimize import brentq, minimize_scalar
 
@@ -164,7 +165,7 @@ def test_drag_for_stability_everywhere_is_converged_at_a_large_omega():
 def ctcbs(*arguments):
     return subprocess.run(
         [sys.executable, "-m", "ctcbs_ros", *arguments],
-        capture_output=True, text=True, timeout=120,
+        capture_output=True, text=True, timeout=LIMIT,
     )
 
 

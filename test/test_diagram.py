@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from folding_flight import UNIT_SPEED, folding_mapping
+from processes import LIMIT
 from scipy.optimize import brentq, minimize_scalar
 
 from ctcbs_ros.cli.main import main
@@ -196,7 +197,7 @@ def test_empty_range_is_refused():
 def ctcbs(*arguments):
     return subprocess.run(
         [sys.executable, "-m", "ctcbs_ros", "branch", *arguments],
-        capture_output=True, text=True, timeout=120,
+        capture_output=True, text=True, timeout=LIMIT,
     )
 
 

@@ -4,13 +4,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
+from processes import LIMIT, read_until, wait_for
 
 from ctcbs_ros import __version__
 from ctcbs_ros.cli.main import main
@@ -36,7 +36,7 @@ def made(tmp_path_factory):
 def ctcbs(*arguments):
     return subprocess.run(
         [sys.executable, "-m", "ctcbs_ros", *arguments], capture_output=True, text=True,
-        timeout=120,
+        timeout=LIMIT,
     )  # fmt: skip
 
 
@@ -285,18 +285,13 @@ def test_interrupt_of_the_whole_group_leaves_no_half_file_nor_worker_and_is_repe
         env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
     )  # fmt: skip
     # The bar shows when the workers are being started: the hardest moment to end cleanly.
-    while "figures:" not in (shown := os.read(process.stderr.fileno(), 4096).decode()):
-        assert shown, "ended by itself"
-    time.sleep(0.3)
+    read_until(process.stderr, "figures:")
     os.killpg(process.pid, signal.SIGINT)
-    _, errors = process.communicate(timeout=30)
+    _, errors = process.communicate(timeout=LIMIT)
     assert process.returncode == 130
     assert errors.splitlines()[-1] == "ctcbs: interrupted"
     assert "Traceback" not in errors
-    end = time.monotonic() + 20.0
-    while living(process.pid):
-        assert time.monotonic() < end, "a worker is left"
-        time.sleep(0.1)
+    wait_for(lambda: not living(process.pid), "the end of every worker")
     assert {file.suffix for file in tmp_path.iterdir()} <= {".csv", ".png"}
     assert ctcbs("figures", str(tmp_path), "--only", "3.2").returncode == 0
     assert read_rows(tmp_path / "fig_3.2.csv")

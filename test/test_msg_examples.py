@@ -2,6 +2,7 @@
 
 import array
 import json
+from functools import partial
 from math import cos, pi, radians, sin
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from geometry_msgs.msg import (
 )
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import Parameter, ParameterValue
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
 from running_node import RunningNode
 from sensor_msgs.msg import NavSatFix, NavSatStatus
@@ -99,6 +100,11 @@ def newest_stamp_ns(node):
     return json.loads(records[-1].data)["stamp_ns"] if records else 0
 
 
+def is_taken(node, fix):
+    """Whether the node has taken a fix, or one after it."""
+    return newest_stamp_ns(node) >= nanoseconds(fix.header.stamp)
+
+
 def as_data(message):
     """A message as YAML shows it: nested mappings, lists, numbers and texts."""
     if hasattr(message, "get_fields_and_field_types"):
@@ -150,7 +156,10 @@ def assert_same(found, expected, where):
 def flown(tmp_path_factory, drone_table):
     """The node after the flight, by mavros's topics, and all it published."""
     folder = tmp_path_factory.mktemp("flown")
-    parameters = {"table.file": quoted(str(drone_table)), "diagnostics.period": 0.1}
+    parameters = {
+        "table.file": quoted(str(drone_table)), "diagnostics.period": 0.1,
+        "limits.stale_after": 5.0,  # not sooner than the markers go
+    }  # fmt: skip
     with RunningNode(folder, parameters) as node:
         node.received = {
             name: node.messages(message_type, topic, qos)
@@ -161,19 +170,37 @@ def flown(tmp_path_factory, drone_table):
         node.fixes = fixes
         odoms = node.observer.create_publisher(Odometry, "mavros/local_position/odom", 10)
         node.wait_until(
-            lambda: fixes.get_subscription_count() and odoms.get_subscription_count(), 30.0
+            lambda: fixes.get_subscription_count() and odoms.get_subscription_count()
         )
         node.wait_until_ready()
 
         for fix, odom in flight():
-            while newest_stamp_ns(node) < nanoseconds(fix.header.stamp):  # some may be lost
-                if newest_stamp_ns(node):  # the first position is to be that of a fix
+            first = not newest_stamp_ns(node)
+            while not is_taken(node, fix):  # the first may be lost
+                if not first:  # the first position is to be that of a fix
                     odoms.publish(odom)
-                node.spin(0.005)  # two topics keep no order
+                    # Two topics keep no order, but what came before a request is taken before it.
+                    node.call(GetParameters, "/predictor/get_parameters", GetParameters.Request())
                 fixes.publish(fix)
-                node.spin(0.02)
-        node.spin(0.3)
+                node.spin(0.5 if first else 60.0, partial(is_taken, node, fix))
+        node.wait_until(lambda: all_received(node.received))
         yield node
+
+
+def all_received(received):
+    """Whether the last message of each topic is there."""
+    if not all(received.values()):
+        return False
+    poses, arrays = received["end_mass_pose"], received["diagnostics"]
+    counted = {pair.key: pair.value for pair in arrays[-1].status[0].values}["samples"]
+    return (
+        nanoseconds(poses[-1].header.stamp) == LAST_STAMP_NS
+        and nanoseconds(received["end_mass_fix"][-1].header.stamp) == LAST_STAMP_NS
+        and nanoseconds(received["orbit_center"][-1].header.stamp) == LAST_STAMP_NS
+        and len(received["stability_margin"]) == len(received["jump_margin"]) == len(poses)
+        and nanoseconds(received["cable"][-1].markers[-1].header.stamp) == LAST_STAMP_NS
+        and counted == str(len(received["prediction"]))
+    )
 
 
 @pytest.mark.parametrize("name", INPUTS)

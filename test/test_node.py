@@ -1,11 +1,12 @@
 """The real node in its own process: start, end, parameters, logs, live links."""
 
 import json
+import re
 import signal
 import socket
 import subprocess
 import sys
-import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -15,10 +16,11 @@ pytest.importorskip("rclpy", reason="needs ROS 2 (rclpy)")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from processes import LIMIT
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile
-from running_node import DISCOVERY, DRONE, RunningNode
+from running_node import DRONE, RunningNode
 from sensor_msgs.msg import NavSatFix
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
@@ -47,8 +49,8 @@ def values(status):
 # --- start and end ------------------------------------------------------------------------------
 
 
-def ended(node, timeout=30.0):
-    return node.process.wait(timeout)
+def ended(node):
+    return node.process.wait(LIMIT)
 
 
 @pytest.mark.parametrize(
@@ -105,17 +107,16 @@ def test_running_node_ends_with_zero(tmp_path, drone_table, signals):
         assert "Traceback" not in node.output
 
 
-def test_node_amid_a_log_ends_with_zero(tmp_path, drone_log, drone_table):
+def test_node_amid_publishing_ends_with_zero(tmp_path, drone_log, drone_table):
     parameters = {
         "mavlink.url": quoted(str(drone_log)),
         "table.file": quoted(str(drone_table)),
-        "replay.wait_for_subscribers": 30.0,
+        "replay.wait_for_subscribers": LIMIT,
     }
     with RunningNode(tmp_path, parameters) as node:
         poses = node.messages(PoseWithCovarianceStamped, "/predictor/end_mass/pose")
-        node.wait_until(lambda: poses, 30.0)
+        node.wait_until(lambda: poses)
         assert node.end(signal.SIGINT, signal.SIGINT) == 0, node.output
-        assert "end of the log" not in node.output
         assert "Traceback" not in node.output
 
 
@@ -123,7 +124,6 @@ def test_node_that_builds_its_table_ends_with_zero_at_sigterm(tmp_path, monkeypa
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with RunningNode(tmp_path) as node:
         node.wait_until(lambda: "table" in node.output)
-        node.spin(1.0)
         assert node.end(signal.SIGTERM) == 0, node.output
         assert "Traceback" not in node.output
 
@@ -186,13 +186,13 @@ def test_without_telemetry_all_diagnostics_are_errors_by_the_names_of_the_node(i
 
 
 @pytest.fixture(scope="module")
-def log_replay(tmp_path_factory, drone_log, drone_table):
+def log_replay(tmp_path_factory, drone_log, drone_table, core_replay):
     """The node after the log, and what it published."""
     folder = tmp_path_factory.mktemp("log_replay")
     parameters = {
         "mavlink.url": quoted(str(drone_log)),
         "table.file": quoted(str(drone_table)),
-        "replay.wait_for_subscribers": 30.0,
+        "replay.wait_for_subscribers": LIMIT,
         "diagnostics.period": 0.1,
     }
     with RunningNode(folder, parameters) as node:
@@ -204,9 +204,20 @@ def log_replay(tmp_path_factory, drone_log, drone_table):
                 PoseWithCovarianceStamped, "/predictor/end_mass/pose", KEEP_ALL
             ),
         }
-        node.wait_until(lambda: "end of the log" in node.output, 60.0)
-        node.spin(1.0)
+        node.wait_until(lambda: "end of the log" in node.output)
+        node.wait_until(lambda: all_received(node.found, core_replay[1]))
         yield node
+
+
+def all_received(found, summary):
+    """Whether the last of each topic is there."""
+    if not all(found.values()):
+        return False
+    deleted = {marker.action for marker in found["markers"][-1].markers} == {Marker.DELETE}
+    counted = values(found["diagnostics"][-1].status[0])["samples"] == str(summary["samples"])
+    return deleted and counted and min(
+        len(found["poses"]), len(found["fixes"])
+    ) >= summary["predictions"]
 
 
 def test_every_pose_of_the_core_comes_through_the_node_equal(log_replay, core_replay):
@@ -266,39 +277,70 @@ def test_diagnostics_of_a_log_count_every_sample(log_replay, core_replay):
     )  # fmt: skip
 
 
-def test_paced_log_answers_parameters_and_exits_at_its_end(tmp_path, drone_log, drone_table):
+def test_paced_log_answers_parameters_and_is_ended_amid_it_with_zero(
+    tmp_path, drone_log, drone_table
+):
     parameters = {
         "mavlink.url": quoted(str(drone_log)),
         "table.file": quoted(str(drone_table)),
-        "replay.rate": 20.0,
+        "replay.rate": 0.2,  # for five minutes
+        "replay.wait_for_subscribers": 0.0,
+    }
+    with RunningNode(tmp_path, parameters) as node:
+        records = node.messages(String, "/predictor/prediction")
+        node.wait_until(lambda: records)
+        request = GetParameters.Request(names=["replay.rate"])
+        (value,) = node.call(GetParameters, "/predictor/get_parameters", request).values
+        assert value.double_value == 0.2
+        assert node.end() == 0, node.output
+        assert "end of the log" not in node.output
+        assert "Traceback" not in node.output
+
+
+def test_paced_log_takes_its_time_and_the_node_exits_at_its_end(tmp_path, drone_log, drone_table):
+    parameters = {
+        "mavlink.url": quoted(str(drone_log)),
+        "table.file": quoted(str(drone_table)),
+        "replay.rate": 40.0,
         "replay.wait_for_subscribers": 0.0,
         "replay.exit_at_end": "true",
     }
     with RunningNode(tmp_path, parameters) as node:
-        node.wait_until_ready()
-        begun = time.monotonic()
-        request = GetParameters.Request(names=["replay.rate"])
-        (value,) = node.call(GetParameters, "/predictor/get_parameters", request).values
-        assert value.double_value == 20.0
-        assert node.process.poll() is None, "the log was over before it could be asked"
         assert ended(node) == 0, node.output
-        seconds = [sample.time for sample in open_log(drone_log)]
-        assert time.monotonic() - begun > 0.9 * (seconds[-1] - seconds[0]) / 20.0
+        ready, end = (
+            float(re.search(rf"\[([\d.]+)\] \[predictor\]: {text}", node.output)[1])
+            for text in ("ready", "end of the log")
+        )
+    seconds = [sample.time for sample in open_log(drone_log)]
+    assert end - ready > 0.99 * (seconds[-1] - seconds[0]) / 40.0
 
 
 # --- a live link --------------------------------------------------------------------------------
 
+# Sends a log over and over, a position each 0.01 s.
 SENDER = """
-import socket, struct, sys, time
-to, log = ("127.0.0.1", int(sys.argv[1])), open(sys.argv[2], "rb").read()
+import socket, sys, time
+to = ("127.0.0.1", int(sys.argv[1]))
 link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 from pymavlink import mavutil
-source = mavutil.mavlink_connection(sys.argv[2])
-while (message := source.recv_match()) is not None:
-    link.sendto(message.get_msgbuf(), to)
-    if message.get_type() == "GLOBAL_POSITION_INT":
-        time.sleep(0.01)
+while True:
+    source = mavutil.mavlink_connection(sys.argv[2])
+    while (message := source.recv_match()) is not None:
+        link.sendto(message.get_msgbuf(), to)
+        if message.get_type() == "GLOBAL_POSITION_INT":
+            time.sleep(0.01)
 """
+
+
+@contextmanager
+def sending(log, port):
+    """The log sent to a port by a process that is killed at the end."""
+    process = subprocess.Popen([sys.executable, "-c", SENDER, str(port), str(log)])
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
 
 
 def test_live_link_outlives_its_sender(tmp_path, drone_log, drone_table):
@@ -311,7 +353,6 @@ def test_live_link_outlives_its_sender(tmp_path, drone_log, drone_table):
         "limits.stale_after": 0.5,
         "diagnostics.period": 0.1,
     }
-    sender = [sys.executable, "-c", SENDER, str(port), str(drone_log)]
     with RunningNode(tmp_path, parameters) as node:
         poses = node.messages(PoseWithCovarianceStamped, "/predictor/end_mass/pose", 100)
         markers = node.messages(MarkerArray, "/predictor/cable", 100)
@@ -321,23 +362,19 @@ def test_live_link_outlives_its_sender(tmp_path, drone_log, drone_table):
         def telemetry():
             return arrays[-1].status[0] if arrays else None
 
-        first = subprocess.Popen(sender)
-        node.wait_until(lambda: len(poses) > 20, 30.0)
-        assert telemetry().level != DiagnosticStatus.ERROR
-        first.kill()  # in mid-flight
-        first.wait()
+        with sending(drone_log, port):
+            node.wait_until(lambda: len(poses) > 20)
+            node.wait_until(
+                lambda: telemetry() is not None and telemetry().level != DiagnosticStatus.ERROR
+            )
         node.wait_until(
             lambda: "STALE_TELEMETRY" in telemetry().message
             and telemetry().level == DiagnosticStatus.ERROR
         )
         node.wait_until(
-            lambda: {marker.action for marker in markers[-1].markers} == {Marker.DELETE}, DISCOVERY
+            lambda: {marker.action for marker in markers[-1].markers} == {Marker.DELETE}
         )
         before = len(poses)
-        second = subprocess.Popen(sender)
-        try:
-            node.wait_until(lambda: len(poses) > before + 20, 30.0)
-        finally:
-            second.kill()
-            second.wait()
+        with sending(drone_log, port):
+            node.wait_until(lambda: len(poses) > before + 20)
         assert node.end() == 0, node.output

@@ -8,13 +8,14 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
+from processes import LIMIT, wait_for
 
 import ctcbs_ros
+from ctcbs_ros.replay.through_node import free_domain
 
 REPOSITORY = Path(__file__).parents[1]
 PACKAGE = REPOSITORY / "ctcbs_ros"
@@ -177,7 +178,7 @@ def test_setup_cfg_puts_programs_where_ros2_run_looks():
 
 
 def run(*command, **options):
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, **options)
     assert done.returncode == 0, f"{command}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
     return done.stdout
 
@@ -256,7 +257,7 @@ def test_predictor_built_by_colcon_runs_and_ends_at_sigint_with_zero(
     from rclpy.node import Node
 
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(os.getpid() % 100 + 1))
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(free_domain()))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     command, options = in_workspace(
         colcon_install,
@@ -273,13 +274,12 @@ def test_predictor_built_by_colcon_runs_and_ends_at_sigint_with_zero(
         rclpy.init(context=context)
         observer = Node("observer", context=context)
         try:
-            deadline = time.monotonic() + 120
-            while "tow_predictor" not in observer.get_node_names():
-                assert predictor.poll() is None, (tmp_path / "output").read_text()[-2000:]
-                assert time.monotonic() < deadline, "the node did not show up"
-                time.sleep(0.1)
+            wait_for(
+                lambda: "tow_predictor" in observer.get_node_names()
+                or predictor.poll() is not None
+            )
             predictor.send_signal(signal.SIGINT)
-            code = predictor.wait(timeout=20)
+            code = predictor.wait(LIMIT)
             assert code == 0, (tmp_path / "output").read_text()[-2000:]
         finally:
             predictor.kill()

@@ -7,12 +7,12 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from math import inf, nan
 from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import LIMIT, read_to_end, read_until, start_on_terminal
 from replays import replayed
 
 from ctcbs_ros import plots
@@ -22,7 +22,7 @@ from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import end_mass_fields, prediction_record
-from ctcbs_ros.replay.core import replay_through_core
+from ctcbs_ros.replay import core
 from ctcbs_ros.replay.folder import complete_folder
 from ctcbs_ros.replay.tables import PREDICTION_COLUMNS, SAMPLE_COLUMNS
 from ctcbs_ros.replay.text import SKIPS, WARNINGS, summary_text
@@ -262,16 +262,13 @@ def test_interrupted_replay_leaves_no_files_and_no_traceback(
     tmp_path, drone_log, drone_table, number
 ):
     command = [sys.executable, "-m", "ctcbs_ros", "replay", drone_log, "--config", DRONE]
-    command += ["--table", drone_table, "--rate", "5", "--out", tmp_path / "out"]
-    process = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 60.0
-    while not list(tmp_path.glob("out/.*/samples.csv")):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    time.sleep(0.5)
+    command += ["--table", drone_table, "--rate", "1", "--out", tmp_path / "out"]
+    process, terminal = start_on_terminal(command)
+    read_until(terminal, r"replay: +[1-9]\d* %")
+    assert list(tmp_path.glob("out/.*/samples.csv"))
     process.send_signal(number)
-    _, errors = process.communicate(timeout=20)
-    assert process.returncode == 128 + number
+    errors = read_to_end(terminal)
+    assert process.wait(LIMIT) == 128 + number
     said = "interrupted" if number == signal.SIGINT else "terminated (SIGTERM)"
     assert errors.splitlines()[-1] == f"ctcbs: {said}"
     assert "Traceback" not in errors
@@ -376,17 +373,33 @@ def test_rate_that_is_none_is_refused(capsys, drone_log, rate):
     assert "--rate" in capsys.readouterr().err
 
 
-def test_rate_paces_the_replay(drone_log, drone_table):
+def test_rate_paces_the_replay(monkeypatch, drone_log, drone_table):
+    class Clock:
+        """A clock that only sleep moves on, and the delay of 0.5 s after the tenth sample."""
+
+        now = 100.0
+
+        def monotonic(self):
+            return self.now
+
+        def sleep(self, seconds):
+            self.now += seconds
+
+    clock, times = Clock(), []
+    monkeypatch.setattr(core, "time", clock)
+
+    def take(record, progress):
+        times.append((record["vehicle_time_s"], clock.now))
+        clock.now += 0.5 if len(times) == 10 else 0.0
+
     configuration = load_configuration(DRONE)
     predictor = Predictor(configuration, table_for(configuration, drone_table))
-    times = []
-    begun = time.monotonic()
-    replay_through_core(
-        open_log(drone_log), predictor, 20.0,
-        lambda record, progress: times.append((record["vehicle_time_s"], time.monotonic())),
-    )  # fmt: skip
-    flown = times[-1][0] - times[0][0]
-    assert flown / 20.0 <= time.monotonic() - begun < flown / 20.0 + 3.0
+    core.replay_through_core(open_log(drone_log), predictor, 20.0, take)
+    flown, shown = (np.array(times) - (times[0][0], 100.0)).T
+    due = flown / 20.0
+    due[10:] = np.maximum(due[10:], shown[9] + 0.5)  # what is late is made up for
+    assert np.sum(due > flown / 20.0) > 20
+    assert shown == pytest.approx(due, abs=1e-9)
 
 
 # --- recorded flights ---------------------------------------------------------------------------

@@ -5,12 +5,21 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2 (rclpy)")
+
+from processes import (
+    LIMIT,
+    children,
+    is_running,
+    read_to_end,
+    read_until,
+    start_on_terminal,
+    wait_for,
+)
 
 from ctcbs_ros.replay.through_node import free_domain, quoted
 
@@ -30,7 +39,7 @@ def both_ways(log, table, folder):
     for way in ("core", "node"):
         done = subprocess.run(
             command(log, table, "--through", way, "--out", folder / way, "--json"),
-            capture_output=True, text=True, timeout=200,
+            capture_output=True, text=True, timeout=LIMIT,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
         summaries.append(json.loads(done.stdout))
@@ -65,31 +74,24 @@ def test_log_of_any_name_is_taken_by_the_node(drone_log, drone_table, tmp_path):
     log.write_bytes(drone_log.read_bytes())
     done = subprocess.run(
         command(log.name, drone_table, "--through", "node", "--json"),
-        capture_output=True, text=True, cwd=tmp_path, timeout=200,
+        capture_output=True, text=True, cwd=tmp_path, timeout=LIMIT,
         env=os.environ | {"PYTHONPATH": str(DRONE.parents[1])},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["predictions"] > 150
 
 
-def started(log, table, folder):
-    """A process that replays a log through the node, slowly."""
-    slowly = command(log, table, "--through", "node", "--rate", "5", "--out", folder)
-    return subprocess.Popen(slowly, stderr=subprocess.PIPE, text=True)
+NODE = "ctcbs_ros.nodes.predictor"  # in the command of the node's process
 
 
-def children(process):
-    """Process ids of the children of a process."""
-    listed = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text()
-    return [int(number) for number in listed.split()]
-
-
-def is_running(number):
-    """Whether a process runs; one that has ended and is not waited for yet does not."""
-    try:
-        return Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
+def amid_a_log(log, table, out):
+    """A paced replay with the first of its log through the node: process, terminal, node's id."""
+    process, terminal = start_on_terminal(
+        command(log, table, "--through", "node", "--rate", "1", "--out", out)
+    )
+    read_until(terminal, r"replay: +[1-9]\d* %")
+    (node,) = children(process.pid, NODE)
+    return process, terminal, node
 
 
 @pytest.mark.parametrize(
@@ -98,35 +100,22 @@ def is_running(number):
 def test_node_ends_with_the_command_that_started_it(
     drone_log, drone_table, tmp_path, number, code
 ):
-    process = started(drone_log, drone_table, tmp_path / "out")
-    deadline = time.monotonic() + 60.0
-    while not (samples := list(tmp_path.glob("out/.*/samples.csv"))) or not children(process):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    (node,) = children(process)
-    time.sleep(1.0)
+    process, terminal, node = amid_a_log(drone_log, drone_table, tmp_path / "out")
+    assert list(tmp_path.glob("out/.*/samples.csv"))
     process.send_signal(number)
-    _, errors = process.communicate(timeout=20)
-    assert process.returncode == code
+    errors = read_to_end(terminal)
+    assert process.wait(LIMIT) == code
     assert "Traceback" not in errors
-    while is_running(node):
-        assert time.monotonic() < deadline, "the node outlived the command"
-        time.sleep(0.05)
+    wait_for(lambda: not is_running(node), "the end of the node")
     if number != signal.SIGKILL:
-        assert not samples[0].exists()
         assert list(tmp_path.iterdir()) == []
 
 
 def test_node_that_dies_is_told_in_one_line(drone_log, drone_table, tmp_path):
-    process = started(drone_log, drone_table, tmp_path / "out")
-    deadline = time.monotonic() + 60.0
-    while not children(process):
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
-    time.sleep(2.0)
-    os.kill(children(process)[0], signal.SIGKILL)
-    _, errors = process.communicate(timeout=20)
-    assert process.returncode == 1
+    process, terminal, node = amid_a_log(drone_log, drone_table, tmp_path / "out")
+    os.kill(node, signal.SIGKILL)
+    errors = read_to_end(terminal)
+    assert process.wait(LIMIT) == 1
     assert errors.splitlines()[-1].startswith("ctcbs: error: the node ended by SIGKILL: ")
     assert "Traceback" not in errors
     assert list(tmp_path.iterdir()) == []

@@ -7,7 +7,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import fields
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 import yaml
 from folding_flight import folding_configuration, folding_mapping
+from processes import LIMIT, children, command_line, wait_for
 
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.errors import InputError
@@ -268,7 +268,7 @@ def test_a_table_given_by_path_is_never_built_silently(configuration, tmp_path):
 def ctcbs(*arguments, **options):
     return subprocess.run(
         [sys.executable, "-m", "ctcbs_ros", *map(str, arguments)],
-        cwd=REPOSITORY, capture_output=True, text=True, timeout=120, **options,
+        cwd=REPOSITORY, capture_output=True, text=True, timeout=LIMIT, **options,
     )  # fmt: skip
 
 
@@ -293,6 +293,9 @@ def test_the_command_builds_a_table(configuration, tmp_path):
     assert load_table(path, configuration).count.shape == (33, 33)
 
 
+WORKER = "spawn_main"  # in the command of a worker process
+
+
 def test_a_build_that_is_killed_leaves_no_file_and_no_process(configuration, file):
     old = file.read_bytes()
     building = subprocess.Popen(
@@ -300,40 +303,10 @@ def test_a_build_that_is_killed_leaves_no_file_and_no_process(configuration, fil
         cwd=REPOSITORY, stderr=subprocess.DEVNULL,
     )  # fmt: skip
     try:
-        workers = wait_for(lambda: children(building.pid) or None)
+        workers = wait_for(lambda: children(building.pid, WORKER))
     finally:
         building.send_signal(signal.SIGKILL)
         building.wait()
-    wait_for(lambda: not any(running(pid) for pid in workers) or None)
+    wait_for(lambda: not any(WORKER in command_line(pid) for pid in workers))
     assert file.read_bytes() == old
     assert [p.name for p in file.parent.iterdir()] == [file.name]
-
-
-def wait_for(condition, seconds=60.0):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        found = condition()
-        if found is not None:
-            return found
-        time.sleep(0.05)
-    raise AssertionError("it did not come in time")
-
-
-def children(pid):
-    """The worker processes of a build."""
-    try:
-        ids = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-    except OSError:
-        return []
-    return [int(i) for i in ids if "spawn_main" in command(int(i))]
-
-
-def command(pid):
-    try:
-        return Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ")
-    except OSError:
-        return ""
-
-
-def running(pid):
-    return "spawn_main" in command(pid)

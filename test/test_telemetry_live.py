@@ -12,6 +12,7 @@ import time
 
 import pytest
 from mavlink_bytes import Sender, gps_raw, heartbeat, position
+from processes import LIMIT, wait_for
 from pymavlink.dialects.v20 import all as dialect
 
 from ctcbs_ros.errors import InputError
@@ -44,15 +45,7 @@ def free_port(kind=socket.SOCK_DGRAM):
         return probe.getsockname()[1]
 
 
-def until(condition, timeout=20.0):
-    """Wait until a condition holds; fails when it does not."""
-    deadline = time.monotonic() + timeout
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-
-
-def collect(source, enough, timeout=10.0):
+def collect(source, enough, timeout=LIMIT):
     """Samples polled until there are enough; fails when they do not come."""
     samples, deadline = [], time.monotonic() + timeout
     while len(samples) < enough:
@@ -94,24 +87,26 @@ def vehicle():
 def test_sender_may_be_killed_and_come_back_rebooted(link, vehicle):
     port = free_port()
     source = link(f"udpin:{port}")
+    begun = time.monotonic()
     first = vehicle(f"udpout:127.0.0.1:{port}", 600_000)
     before = collect(source, 20)
     assert source.vehicle == Vehicle(1, 1, "fixed wing")
     os.kill(first.pid, signal.SIGKILL)
     first.wait()
-    time.sleep(0.3)
-    source.poll()
+    wait_for(lambda: time.monotonic() - source.last_received > 0.3)
+    before += source.poll()
+    rebooted, rebooted_unix = time.monotonic(), time.time()
     vehicle(f"udpout:127.0.0.1:{port}", 5_000)
     after = collect(source, 20)
     assert {s.flight for s in before} == {0}
     assert {s.flight for s in after} == {1}
     times = [s.time for s in before + after]
     assert times == sorted(times)
-    # The clock went on by what the link saw pass, a second or a few, not by the reboot's 595 s.
-    assert 0.2 < after[0].time - before[-1].time < 9.0
-    assert abs(after[-1].stamp_ns / 1e9 - time.time()) < 5.0
+    # The clock went on by what the link saw pass, not by the reboot's 595 s.
+    assert 0.2 < after[0].time - before[-1].time < time.monotonic() - begun
+    assert rebooted_unix < after[0].stamp_ns / 1e9 < time.time()
     assert source.dropped == 0
-    assert time.monotonic() - source.last_received < 1.0
+    assert rebooted < source.last_received <= time.monotonic()
 
 
 def test_udp_listens_on_loopback_unless_told_otherwise(link):
@@ -158,7 +153,7 @@ def messages_of(data):
 def test_caller_is_answered_once_its_heartbeat_was_heard(link):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
         vehicle.bind(("127.0.0.1", 0))
-        vehicle.settimeout(10)
+        vehicle.settimeout(LIMIT)
         source = link(f"udpout:127.0.0.1:{vehicle.getsockname()[1]}")
         hello, caller = vehicle.recvfrom(300)
         (found,) = messages_of(hello)
@@ -175,18 +170,18 @@ def test_caller_is_answered_once_its_heartbeat_was_heard(link):
 def test_tcp_server_may_go_away_and_come_back(link):
     port = free_port(socket.SOCK_STREAM)
     source = link(f"tcp:127.0.0.1:{port}")
-    until(lambda: source.state() == "not up yet: Connection refused")
+    wait_for(lambda: source.state() == "not up yet: Connection refused")
     send = Sender()
     for number, boot_ms in enumerate((1000, 3000), 1):
         with socket.create_server(("127.0.0.1", port)) as server:
-            server.settimeout(20)
+            server.settimeout(LIMIT)
             connection, _ = server.accept()
             with connection:
                 connection.sendall(send(heartbeat()) + send(position(boot_ms)))
                 assert collect(source, 1)[0].time == boot_ms / 1000
                 assert source._transport.trouble == ""
                 assert source.connections == number
-        until(lambda: source.state() == "lost: Connection refused")
+        wait_for(lambda: source.state() == "lost: Connection refused")
 
 
 def test_link_that_is_refused_is_tried_ever_less_often(monkeypatch):
@@ -198,7 +193,7 @@ def test_link_that_is_refused_is_tried_ever_less_often(monkeypatch):
         raise ConnectionRefusedError(errno.ECONNREFUSED, "Connection refused")
 
     connection = Reconnecting(refused, None, None)
-    until(lambda: connection.read() == b"" and len(tries) == 4)
+    wait_for(lambda: connection.read() == b"" and len(tries) == 4)
     pauses = [after - before for before, after in itertools.pairwise(tries)]
     for pause, least in zip(pauses, (0.1, 0.2, 0.4), strict=True):
         assert pause >= least
@@ -217,7 +212,7 @@ def test_whoever_connects_to_a_listening_tcp_link_is_read_and_the_newest_counts(
             second.sendall(send(position(2000)))
             assert collect(source, 1)[0].time == 2.0
             assert source.connections == 2
-        until(lambda: source.state() == "lost: closed by the peer")
+        wait_for(lambda: source.state() == "lost: closed by the peer")
     with socket.create_connection(("127.0.0.1", port)) as third:
         third.sendall(send(position(3000)))
         assert collect(source, 1)[0].time == 3.0
@@ -231,16 +226,16 @@ def test_serial_device_may_be_unplugged_and_plugged_in_again(link, tmp_path):
     plug.symlink_to(os.ttyname(ends[1]))
     source = link(str(plug), baud=115200)
     for boot_ms in (1000, 3000):
-        until(lambda: source._transport.trouble == "")
+        wait_for(lambda: source._transport.trouble == "")
         os.write(ends[0], send(heartbeat()) + send(position(boot_ms)))
-        assert collect(source, 1, timeout=20.0)[0].time == boot_ms / 1000
+        assert collect(source, 1)[0].time == boot_ms / 1000
         plug.unlink()
         for end in ends:
             os.close(end)
-        until(lambda: source.state().startswith("lost: "))
+        wait_for(lambda: source.state().startswith("lost: "))
         ends = pty.openpty()
         plug.symlink_to(os.ttyname(ends[1]))
-    until(lambda: source.connections == 3)
+    wait_for(lambda: source.connections == 3)
     for end in ends:
         os.close(end)
 
@@ -256,11 +251,11 @@ def test_silence_of_a_udp_link_is_seen_and_its_end(link, monkeypatch):
         status = dialect.MAVLink_radio_status_message(200, 200, 90, 40, 40, 0, 0)
 
         def heard_as(state, *frames):
-            until(lambda: sender.send(b"".join(frames)) and source.state() == state)
+            wait_for(lambda: sender.send(b"".join(frames)) and source.state() == state)
 
         heard_as("up, but no vehicle to follow is heard", radio(status))
         heard_as("up: system 1, component 1, fixed wing", send(heartbeat()), send(position(1000)))
-        until(lambda: source.state().startswith("lost: nothing received for "))
+        wait_for(lambda: source.state().startswith("lost: nothing received for "))
         heard_as("up, but system 1, component 1 is silent", radio(status))
         heard_as("up: system 1, component 1, fixed wing", send(position(2000)))
     assert {s.flight for s in collect(source, 2)} == {0}
@@ -281,7 +276,7 @@ class Autopilot:
         self.boot_ms = 100_000
         self.heard = []
 
-    def run_until(self, condition, timeout=30.0):
+    def run_until(self, condition, timeout=LIMIT):
         """Send heartbeats and positions, and answer, until a condition holds."""
         deadline = time.monotonic() + timeout
         while not condition():
@@ -344,7 +339,7 @@ def test_heartbeat_of_a_companion_computer_is_sent_where_it_is_asked_for(link, a
 
 
 def test_rates_are_requested_one_by_one_and_again_after_a_reboot(link, autopilot, monkeypatch):
-    monkeypatch.setattr(own_messages, "ANSWER_WITHIN", 0.3)
+    monkeypatch.setattr(own_messages, "ANSWER_WITHIN", 0.5)
     port = free_port()
     source = link(f"udpin:{port}", request_rate=10.0)
     denied, silent = dialect.MAVLINK_MSG_ID_WIND_COV, dialect.MAVLINK_MSG_ID_VFR_HUD
@@ -459,22 +454,30 @@ def test_real_flood_over_udp_is_read_to_its_newest_sample(link):
     port = free_port()
     source = link(f"udpin:{port}")
     send = Sender()
-    total = 10_000
+    samples, sent = [], 0
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         sender.connect(("127.0.0.1", port))
-        sender.send(send(heartbeat()))
-        for i in range(total - 2):
-            sender.send(send(position(1000 + i)))
-            if i % 50 == 0:
+
+        def say(message):
+            nonlocal sent
+            sender.send(send(message))
+            sent += 1
+
+        def newest_came():
+            """Send one more, as long as the kernel drops it for want of room."""
+            say(position(2000 + sent))
+            time.sleep(0.1)
+            samples.extend(source.poll())
+            return samples and samples[-1].time > 11.5
+
+        say(heartbeat())
+        while sent < 10_000:
+            say(position(1000 + sent))
+            if sent % 50 == 0:
                 time.sleep(0.005)  # 10,000 a second
-        time.sleep(0.5)
-        sender.send(send(position(1000 + total)))
-    deadline = time.monotonic() + 10
-    samples = []
-    while not samples or samples[-1].time < (1000 + total) / 1000:
-        assert time.monotonic() < deadline
-        samples += source.poll()
-        time.sleep(0.01)
+        wait_for(newest_came)
+    source.close()
+    samples += source.poll()
     # What the kernel drops shows in the sequence numbers, up to their wrap at 256.
-    assert source.link.received[1, 1] + source.link.lost[1, 1] <= total
+    assert source.link.received[1, 1] + source.link.lost[1, 1] <= sent
     assert len(samples) + source.dropped == source.link.received[1, 1] - 1

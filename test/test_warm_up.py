@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from folding_flight import folding_configuration
+from processes import LIMIT
 
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.prediction.predictor import Predictor
@@ -39,7 +40,7 @@ print(sorted(loaded() - before))
 
 def test_no_kernel_is_loaded_in_flight():
     done = subprocess.run(
-        [sys.executable, "-c", LOADED + FLIGHT], cwd=Path(__file__).parent, timeout=120,
+        [sys.executable, "-c", LOADED + FLIGHT], cwd=Path(__file__).parent, timeout=LIMIT,
         capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
