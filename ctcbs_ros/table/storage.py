@@ -127,7 +127,7 @@ def _read(path: Path, config: str) -> dict:
             with archive:
                 content = {name: archive[name] for name in archive.files}
     except _BROKEN:
-        raise InputError(f"{path}: the table is truncated or corrupt; {rebuild}") from None
+        raise InputError(f"{path}: no table, or a truncated or corrupt one; {rebuild}") from None
     if not all(isinstance(content.get(name), np.ndarray) for name in _HEADER) or (
         str(content["format"]) != FORMAT
     ):
