@@ -1,9 +1,9 @@
 """`ctcbs orbit-study`: how good the orbit estimator is, on simulated flights with known truth."""
 
-import argparse
 from dataclasses import asdict
 
 from ctcbs_ros.cli.output import print_json
+from ctcbs_ros.cli.study_options import add_study_options
 
 
 def add_parser(subparsers) -> None:
@@ -15,19 +15,8 @@ def add_parser(subparsers) -> None:
         "flight with its own seed, and compares what the estimator says with the truth. Ends with "
         "1 if a bar is missed. The bars of coverage are meant for 1000 runs.",
     )
-    parser.add_argument(
-        "--runs", type=_runs, default=1000, metavar="N",
-        help="flights for each kind of noise; default 1000, some four minutes",
-    )
-    parser.add_argument("--json", action="store_true", help="the result as JSON on stdout")
+    add_study_options(parser, "flights for each kind of noise; default 1000, some four minutes")
     parser.set_defaults(run=run)
-
-
-def _runs(text: str) -> int:
-    value = int(text)
-    if not 20 <= value <= 100_000:
-        raise argparse.ArgumentTypeError("20 to 100000 is allowed")
-    return value
 
 
 def run(args) -> int:

@@ -1,9 +1,9 @@
 """`ctcbs wind-study`: how good the wind of a turn is, on simulated turns with known truth."""
 
-import argparse
 from dataclasses import asdict
 
 from ctcbs_ros.cli.output import print_json
+from ctcbs_ros.cli.study_options import add_study_options
 
 
 def add_parser(subparsers) -> None:
@@ -14,19 +14,8 @@ def add_parser(subparsers) -> None:
         description="Flies random turns with simulated noise, each with its own seed, and "
         "compares wind and airspeed with the truth. Ends with 1 if a bar is missed.",
     )
-    parser.add_argument(
-        "--runs", type=_runs, default=1000, metavar="N",
-        help="turns of each kind; default 1000, half a minute",
-    )
-    parser.add_argument("--json", action="store_true", help="the result as JSON on stdout")
+    add_study_options(parser, "turns of each kind; default 1000, half a minute")
     parser.set_defaults(run=run)
-
-
-def _runs(text: str) -> int:
-    value = int(text)
-    if not 20 <= value <= 100_000:
-        raise argparse.ArgumentTypeError("20 to 100000 is allowed")
-    return value
 
 
 def run(args) -> int:
