@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from ctcbs_ros.prediction.branch import BranchTracker, Tracked
 from ctcbs_ros.prediction.jumps import JumpFinder
-from ctcbs_ros.prediction.margin import MarginFollower
+from ctcbs_ros.prediction.margin import Margins
 from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.prediction.straight_flight import StraightFlight
 from ctcbs_ros.solver.parameters import Parameters
@@ -22,7 +22,7 @@ class History:
     def __init__(self):
         self._tracker = BranchTracker()
         self._jumps = JumpFinder()
-        self._margins: list[MarginFollower] = []
+        self._margins = Margins()
         self._straight = StraightFlight()
         self._sense = 0
 
@@ -30,7 +30,7 @@ class History:
         """Begin a new history: nothing is left of how the end mass moved before."""
         self._tracker.reset()
         self._jumps.reset()
-        self._margins.clear()
+        self._margins.reset()
         self._straight.reset()
         self._sense = 0
 
@@ -64,17 +64,8 @@ class History:
             See `JumpFinder.update`.
         """
         jumps = self._jumps.update(tracked.state, may_end)
-        states = (tracked.state, *tracked.others)
-        while len(self._margins) < len(states):
-            self._margins.append(MarginFollower())
-        stabilities, may_renew = [], True
-        for follower, state in zip(self._margins, states, strict=False):
-            stabilities.append(follower.update(state, may_renew))
-            # One costly renewal an orbit is enough.
-            may_renew = may_renew and not follower.renewed
-        return Outlook(
-            stabilities[0], tuple(stabilities[1:]), jumps["angular_rate"], jumps["radius"]
-        )
+        flown, *others = self._margins.update((tracked.state, *tracked.others))
+        return Outlook(flown, tuple(others), jumps["angular_rate"], jumps["radius"])
 
 
 @dataclass(frozen=True)

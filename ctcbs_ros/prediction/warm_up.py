@@ -16,7 +16,6 @@ from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.branches import Fold
 from ctcbs_ros.solver.family import ANGULAR_RATE
 from ctcbs_ros.solver.flown import branch_from_straight_flight
-from ctcbs_ros.solver.mode_sensitivity import modes
 from ctcbs_ros.solver.steady_state import steady_states
 from ctcbs_ros.table.table import Table
 from ctcbs_ros.telemetry.sample import Sample
@@ -40,7 +39,6 @@ def warm_up(configuration: Configuration, table: Table | None = None) -> None:
     except InputError:
         return  # lighter than air at sea level, say: the flight itself will tell
     for state in steady_states(parameters).states[:1]:
-        modes(state, 8, (ANGULAR_RATE,))
         branch_from_straight_flight(parameters)
         JumpFinder().update(state)
         # Where no branch ends there is no fold; any point will do for what follows one.
