@@ -142,8 +142,9 @@ def test_wind_is_that_of_the_primary_core_alone():
     ]
     _, decoder = decode(*parts[:1])
     assert decoder.wind == (2.0, 1.0, 0.0)
-    _, decoder = decode(*parts)
+    samples, decoder = decode(*parts, gps(1_000_000), gps(1_200_000))
     assert decoder.wind == (-4.0, 3.0, 0.0)
+    assert [s.wind for s in samples] == [(-4.0, 3.0, 0.0), None]  # told once
 
 
 def test_wind_of_an_estimator_not_in_use_is_left_out():

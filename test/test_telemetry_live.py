@@ -17,9 +17,11 @@ from pymavlink.dialects.v20 import all as dialect
 
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.telemetry import live, own_messages, transport
+from ctcbs_ros.telemetry.lateness import Lateness
 from ctcbs_ros.telemetry.link import Vehicle
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.mavlink import MavlinkDecoder, open_link
+from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.transport import Reconnecting
 
 # A vehicle in a process of its own, by pymavlink's link: 20 positions a second from a boot time.
@@ -259,6 +261,40 @@ def test_silence_of_a_udp_link_is_seen_and_its_end(link, monkeypatch):
         heard_as("up, but system 1, component 1 is silent", radio(status))
         heard_as("up: system 1, component 1, fixed wing", send(position(2000)))
     assert {s.flight for s in collect(source, 2)} == {0}
+
+
+def test_samples_that_a_link_holds_back_are_late_until_it_has_caught_up(link):
+    port = free_port()
+    source = link(f"udpin:{port}")
+    send = Sender()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.connect(("127.0.0.1", port))
+
+        def arrives(boot_ms):
+            sender.send(send(position(boot_ms)))
+            collect(source, 1)
+
+        sender.send(send(heartbeat()))
+        begun = time.monotonic()
+        arrives(10_000)
+        time.sleep(1.0)
+        arrives(10_100)  # held back since 0.9 s at least, and for no longer than all this took
+        assert 0.8 < source.late < time.monotonic() - begun
+        arrives(10_050)  # overtaken: says nothing
+        assert source.late > 0.8
+
+        def has_caught_up():
+            arrives(10_000 + round(1000 * (time.monotonic() - begun)))
+            return source.late < 0.2
+
+        wait_for(has_caught_up)
+
+
+def test_clocks_that_drift_apart_make_nothing_late():
+    lateness = Lateness()
+    for second in range(86_400):
+        lateness.add(Sample(time=second * (1 - 5e-5), stamp_ns=0), 1000.0 + second)
+        assert lateness.seconds < 1e-3
 
 
 # --- what is said on the link -------------------------------------------------------------------

@@ -58,8 +58,11 @@ def test_fix_and_odometry_become_a_sample_at_the_header_stamp(tmp_path):
 def test_wind_is_where_the_air_goes(tmp_path):
     messages = [(WIND, wind(START_NS, (4.0, -3.0, 0.5))), *flight(1)]
     source = open_log(write_bag(tmp_path / "first", messages))
-    next(iter(source))
-    assert source.wind == (4.0, -3.0, 0.5)
+    sample = next(iter(source))
+    assert source.wind == sample.wind == (4.0, -3.0, 0.5)
+    assert isnan(sample.wind_accuracy)
+    samples, _ = samples_of(tmp_path, flight(7), name="later")
+    assert [i for i, s in enumerate(samples) if s.wind is not None] == [1, 6]  # told once
 
 
 def test_velocity_of_a_receiver_is_not_taken_for_wind(tmp_path):

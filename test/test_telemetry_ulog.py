@@ -182,7 +182,11 @@ def test_wind_is_where_the_air_goes_and_the_newer_topic_wins():
     log += writer.log("wind", 1, windspeed_north=9.0, windspeed_east=9.0)
     log += writer.log("wind_estimate", windspeed_north=9.0, windspeed_east=9.0)
     log += writer.log("wind", windspeed_north=nan, windspeed_east=9.0)
-    assert decode(log)[1].wind == (4.0, -3.0, 0.0)
+    log += writer.log("vehicle_gps_position", **gps(1_000_000))
+    log += writer.log("vehicle_gps_position", **gps(1_200_000))
+    samples, decoder = decode(log)
+    assert decoder.wind == (4.0, -3.0, 0.0)
+    assert [s.wind for s in samples] == [(4.0, -3.0, 0.0), None]  # told once
 
 
 def test_vehicle_is_named_by_information_and_parameters():

@@ -43,6 +43,10 @@ class Monitor:
             if warning.code in TELEMETRY_WARNINGS:
                 self._of_telemetry[warning.code] = warning
 
+    def warn(self, warning: Warning) -> None:
+        """Take in a warning about the telemetry for the next report."""
+        self._of_telemetry[warning.code] = warning
+
     def report(self, silence: Warning | None, figures: Record) -> list[DiagnosticStatus]:
         """Status of telemetry, orbit and prediction.
 

@@ -193,6 +193,7 @@ class PredictorNode(Node):
         silence = self._silence()
         if silence is not None:
             self._outputs.hide()
+        self._warn_of_lateness()
         array = DiagnosticArray()
         array.header.stamp = self.get_clock().now().to_msg()
         array.status = self._monitor.report(silence, self._source_figures())
@@ -200,6 +201,12 @@ class PredictorNode(Node):
             status.name = f"{self.get_name()}: {status.name}"
             status.hardware_id = self._source_name
         self._diagnostics.publish(array)
+
+    def _warn_of_lateness(self) -> None:
+        limit = self._values["limits.stale_after"]
+        if self._live is not None and self._live.late > limit:
+            text = f"positions arrive {self._live.late:.1f} s late (limit {limit:g} s)"
+            self._monitor.warn(Warning(WarningCode.STALE_TELEMETRY, Level.WARN, text))
 
     def _silence(self) -> Warning | None:
         """The warning that no sample comes, by the node's clock; a log is silent only at first."""
@@ -231,6 +238,7 @@ class PredictorNode(Node):
             figures["log progress"] = self._log.progress
         if self._live is not None:
             figures["link state"] = self._live.state()
+            figures["seconds sample came late"] = self._live.late
             figures["link connections"] = self._live.connections
             figures["dropped because the node was late"] = self._live.dropped
             figures |= {f"rate of {name}": told for name, told in self._live.answers.items()}

@@ -134,6 +134,7 @@ class DataflashDecoder:
         self.link = LinkStatistics()
         self.vehicle = vehicle
         self.wind: Vector | None = None
+        self._new_wind: Vector | None = None  # since the sample before
         self._clock = VehicleClock(time_steps=self.link.time_steps, unix_anchor=unix_anchor)
         self._system = 1
         self._estimator = "XKF"
@@ -181,6 +182,7 @@ class DataflashDecoder:
         by_dilution = getattr(gps, "HDop", nan) * RANGE_ERROR
         # ArduPilot's sign: AMSL less ellipsoidal height; 0 is not known.
         undulation = getattr(accuracy, "Und", 0.0)
+        wind, self._new_wind = self._new_wind, None
         return Sample(
             time=time_us / 1e6,
             stamp_ns=self._clock.stamp_ns(time_us),
@@ -195,6 +197,7 @@ class DataflashDecoder:
             satellites=getattr(gps, "NSats", None),
             horizontal_accuracy=getattr(accuracy, "HAcc", 0.0) or by_dilution,
             speed_accuracy=getattr(accuracy, "SAcc", 0.0) or nan,
+            wind=wind,
         )
 
     def _gps_accuracy(self, accuracy: DFMessage) -> None:
@@ -222,7 +225,7 @@ class DataflashDecoder:
         if not primary or not wind.get_type().startswith(self._estimator):
             return
         if isfinite(wind.VWN) and isfinite(wind.VWE):
-            self.wind = (wind.VWE, wind.VWN, 0.0)
+            self.wind = self._new_wind = (wind.VWE, wind.VWN, 0.0)
 
 
 def _velocity(gps: DFMessage) -> Vector | None:

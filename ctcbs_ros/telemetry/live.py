@@ -4,6 +4,7 @@ import threading
 import time
 from collections import deque
 
+from ctcbs_ros.telemetry.lateness import Lateness
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.sample import Sample, Vector
 from ctcbs_ros.telemetry.transport import Transport
@@ -42,6 +43,7 @@ class LiveSource:
         self._samples: deque[Sample] = deque(maxlen=capacity)
         self._lock = threading.Lock()
         self._closing = threading.Event()
+        self._lateness = Lateness()
         self.dropped = 0
         self.last_received: float | None = None
         self._thread = threading.Thread(target=self._read, name="telemetry", daemon=True)
@@ -66,6 +68,11 @@ class LiveSource:
     def connections(self) -> int:
         """How often the link has been made; 1 for UDP."""
         return self._transport.connections
+
+    @property
+    def late(self) -> float:
+        """How late the newest sample came, beyond the link's least delay [s]."""
+        return self._lateness.seconds
 
     @property
     def answers(self) -> dict[str, str]:
@@ -113,6 +120,7 @@ class LiveSource:
                 continue
             self.last_received = time.monotonic()
             for sample in self._decoder.feed(data, time.time_ns() // 1000):
+                self._lateness.add(sample, self.last_received)
                 with self._lock:
                     self.dropped += len(self._samples) == self._samples.maxlen
                     self._samples.append(sample)

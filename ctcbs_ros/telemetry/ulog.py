@@ -58,6 +58,7 @@ class UlogDecoder:
     ):
         self.link = LinkStatistics()
         self.wind: Vector | None = None
+        self._new_wind: Vector | None = None  # since the sample before
         self.position_topic = position_topic
         self._vehicle = vehicle
         self._clock = VehicleClock(time_steps=self.link.time_steps, unix_anchor=unix_anchor)
@@ -212,7 +213,7 @@ class UlogDecoder:
         north, east = (message.values.get(f"windspeed_{to}", nan) for to in ("north", "east"))
         used = message.topic == self._wind_topic and message.instance == 0
         if used and isfinite(north) and isfinite(east):
-            self.wind = (east, north, 0.0)
+            self.wind = self._new_wind = (east, north, 0.0)
 
     def _is_receiver_used(self, message: Data, has_fix: bool) -> bool:
         """Whether it is of the one receiver followed; another takes over from a lost one."""
@@ -245,10 +246,12 @@ class UlogDecoder:
         if self._is_local not in (None, is_local):
             self._frames += 1  # another frame: another flight
         self._is_local = is_local
+        wind, self._new_wind = self._new_wind, None
         return Sample(
             time=time_us / 1e6,
             stamp_ns=self._clock.stamp_ns(time_us),
             flight=self._clock.flight + self._frames,
+            wind=wind,
             **fields,
         )
 

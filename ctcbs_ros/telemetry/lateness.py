@@ -1,0 +1,35 @@
+"""How late samples arrive on a live link, beyond the least delay that it has shown."""
+
+from ctcbs_ros.telemetry.sample import Sample
+
+# The two clocks drift apart by less than this.
+DRIFT = 1e-4
+
+
+class Lateness:
+    """Compares the clock of the vehicle with that of the receiver, sample by sample.
+
+    Attributes
+    ----------
+    seconds : float
+        How much later than at the least delay of late the newest sample came; 0 before any.
+    """
+
+    def __init__(self):
+        self.seconds = 0.0
+        self._flight: int | None = None
+        self._newest = 0.0  # sample, by the vehicle's clock
+        self._least = 0.0  # receiver's clock less the vehicle's at the least delay
+        self._received = 0.0
+
+    def add(self, sample: Sample, received: float) -> None:
+        """Take in a sample and when it was received, by a steady clock [s]."""
+        offset = received - sample.time
+        if sample.flight != self._flight:
+            self._flight, self._least = sample.flight, offset
+        elif sample.time <= self._newest:  # overtaken or sent again
+            return
+        self._newest = sample.time
+        self._least = min(offset, self._least + DRIFT * (received - self._received))
+        self._received = received
+        self.seconds = offset - self._least
