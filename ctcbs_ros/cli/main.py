@@ -58,7 +58,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
     finally:
-        signal.signal(signal.SIGINT, before)
+        if signal.getsignal(signal.SIGINT) is _interrupt:
+            signal.signal(signal.SIGINT, before)
+        else:  # one came: a second one must not break Python's own end either
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -100,8 +104,16 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _interrupt(_number: int, _frame) -> None:
+    _let_it_end()
     raise Interrupted
 
 
 def _terminate(number: int, _frame) -> None:
+    _let_it_end()
     raise Terminated(128 + number)
+
+
+def _let_it_end() -> None:
+    """From here on a further signal must not break the end, which removes what is half written."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)

@@ -73,7 +73,9 @@ def _run() -> int:
 
 
 def _stop(_number, _frame) -> None:
-    _ignore_signals()
+    # Of two that came at once Python has yet to run the other's handler, and complains of SIG_IGN.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: None)
     sys.exit(0)
 
 
