@@ -1,7 +1,8 @@
 """A log with faults replayed through the core, held against the same flight without them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +109,25 @@ def distance(prediction: Prediction, clean: Prediction) -> float:
     error = np.array(to_enu(home, here.latitude, here.longitude, here.altitude), float)
     covariance = prediction.end_mass.covariance[:3, :3]
     return float(np.sqrt(error @ np.linalg.solve(covariance, error) / REGION))
+
+
+def assert_numbers(prediction):
+    """A valid prediction is a number in all that is not documented to be unknown."""
+    if not prediction.valid:
+        return
+    mass = prediction.end_mass
+    assert prediction.skip is None
+    for value in (mass.position, mass.covariance, mass.circle_center, mass.cable):
+        assert np.all(np.isfinite(value))
+    assert np.linalg.eigvalsh(mass.covariance).min() > -1e-6
+    assert isfinite(mass.yaw)
+    assert mass.settling_time > 0.0
+    for field in fields(mass.state):
+        assert isfinite(getattr(mass.state, field.name))
+    geodetic = mass.geodetic
+    known = [isfinite(x) for x in (geodetic.latitude, geodetic.longitude, geodetic.altitude)]
+    assert all(known) or not any(known)
+    assert mass.state.residual < 1e-9
 
 
 @cache
