@@ -1,6 +1,7 @@
 """The node: parameters in, samples from a log, a link or topics, predictions out."""
 
 import sys
+import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -43,6 +44,7 @@ FIX, ODOM = "mavros/global_position/global", "mavros/local_position/odom"
 POSE, VELOCITY = "mavros/local_position/pose", "mavros/local_position/velocity_local"
 WIND = "mavros/wind_estimation"
 POLL_PERIOD = 0.02  # s between two looks at a live link
+POLL_TIME = 0.05  # s that one of them may take
 LINKS = (*(f"{scheme}:" for scheme in SCHEMES), "/dev/")
 
 
@@ -148,8 +150,11 @@ class PredictorNode(Node):
 
     def _poll(self) -> None:
         self._name_vehicle()
-        for sample in self._live.poll():
+        until = time.monotonic() + POLL_TIME
+        while (sample := self._live.take()) is not None:
             self._take(sample)
+            if time.monotonic() > until:
+                return  # what waits gives way to newer samples, and the node answers meanwhile
 
     def _name_vehicle(self) -> None:
         vehicle = (self._log or self._live).vehicle
@@ -241,6 +246,7 @@ class PredictorNode(Node):
             figures["seconds sample came late"] = self._live.late
             figures["link connections"] = self._live.connections
             figures["dropped because the node was late"] = self._live.dropped
+            figures["datagrams dropped by the system"] = self._live.datagrams_dropped
             figures |= {f"rate of {name}": told for name, told in self._live.answers.items()}
         return figures
 

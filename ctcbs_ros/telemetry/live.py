@@ -65,6 +65,11 @@ class LiveSource:
         return self._decoder.wind
 
     @property
+    def datagrams_dropped(self) -> int:
+        """Datagrams that came faster than they were read, as far as the system tells."""
+        return getattr(self._transport, "dropped", 0)
+
+    @property
     def connections(self) -> int:
         """How often the link has been made; 1 for UDP."""
         return self._transport.connections
@@ -96,6 +101,11 @@ class LiveSource:
         if heard is not None and time.monotonic() - heard > SILENT:
             return f"up, but system {vehicle.system}, component {vehicle.component} is silent"
         return f"up: system {vehicle.system}, component {vehicle.component}, {vehicle.type}"
+
+    def take(self) -> Sample | None:
+        """The oldest sample not taken yet; None where there is none."""
+        with self._lock:
+            return self._samples.popleft() if self._samples else None
 
     def poll(self) -> list[Sample]:
         """Samples that came since the last call, oldest first; returns at once."""

@@ -8,6 +8,7 @@ while they reconnect.)
 
 import select
 import socket
+import sys
 import time
 from collections.abc import Callable
 from typing import Protocol
@@ -19,6 +20,7 @@ WAIT = 0.1  # s that `read` waits at most
 FIRST_RETRY, LAST_RETRY = 0.5, 8.0  # s between attempts to reconnect, doubled each time
 CONNECTING = 1.0  # s that an attempt may take
 LARGEST_READ = 65535  # one UDP datagram at most
+TELL_DROPPED = 40  # SO_RXQ_OVFL of Linux: with a datagram comes how many were dropped before it
 # A UDP link answers whoever has sent something lately, and not more of them than this.
 PEER_VALID = 30.0  # s
 MOST_PEERS = 8
@@ -56,11 +58,18 @@ class Transport(Protocol):
 
 
 class UdpListener:
-    """`udpin`: datagrams sent to a local port, by whomever; who sent lately is answered."""
+    """`udpin`: datagrams sent to a local port, by whomever; who sent lately is answered.
+
+    Attributes
+    ----------
+    dropped : int
+        Datagrams that the system had no room for, where it tells (Linux).
+    """
 
     trouble, connections = "", 1
 
     def __init__(self, address: tuple[str, int]):
+        self.dropped = 0
         self._peers: dict[tuple[str, int], float] = {}  # when each was heard last
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
@@ -69,12 +78,17 @@ class UdpListener:
             self._socket.close()
             raise
         self._socket.settimeout(WAIT)
+        if sys.platform == "linux":
+            self._socket.setsockopt(socket.SOL_SOCKET, TELL_DROPPED, 1)
 
     def read(self) -> bytes:
         try:
-            data, peer = self._socket.recvfrom(LARGEST_READ)
+            data, told, _, peer = self._socket.recvmsg(LARGEST_READ, socket.CMSG_SPACE(4))
         except OSError:
             return b""
+        for _, kind, value in told:
+            if kind == TELL_DROPPED:
+                self.dropped = int.from_bytes(value, sys.byteorder)
         self._peers.pop(peer, None)
         self._peers[peer] = time.monotonic()  # the dict's order is that of their newest data
         if len(self._peers) > MOST_PEERS:
