@@ -1,6 +1,7 @@
 # make demo    a simulated flight through the real node, plots in demo/
 # make test    ruff, then the tests but the slow ones
 # make slow    the slow tests
+# make soak    a flight of a day through the node, with what its memory does; HOURS=2 RATE=1 for less
 # make clean   removes what these made, .venv included
 #
 # Each makes .venv from the newest Python of 3.13 .. 3.10 (or PYTHON=...). Where a ROS installation
@@ -24,6 +25,11 @@ test: $(STAMP)
 
 slow: $(STAMP)
 	$(BIN)/python -m pytest -m slow
+
+HOURS = 24
+RATE = 5
+soak: $(STAMP)
+	$(BIN)/python test/soak.py --hours $(HOURS) --rate $(RATE)
 
 DRONE = config/small_drone.yaml
 demo: $(STAMP)
@@ -58,4 +64,4 @@ clean:
 	rm -rf .venv build install log demo .pytest_cache .ruff_cache .hypothesis *.egg-info
 	find ctcbs_ros test -name __pycache__ -type d -prune -exec rm -rf {} +
 
-.PHONY: test slow demo clean
+.PHONY: test slow soak demo clean

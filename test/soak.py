@@ -163,7 +163,7 @@ def soak(path: Path, log: Log, folder: Path) -> Soak:
         create(PoseWithCovarianceStamped, "/predictor/end_mass/pose", add_pose, everything)
         create(String, "/predictor/prediction", add_record, everything)
         summaries = node.messages(String, "/predictor/summary", latched)
-        node.wait_until_ready(300.0)
+        node.wait_until_ready()
         warm = 0.0
         shown = 0.0
         while not summaries or seen["records"] < json.loads(summaries[0].data)["samples"]:

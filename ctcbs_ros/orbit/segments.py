@@ -19,7 +19,7 @@ _JOINING = 0.25
 LEAST_TURNS = 0.9
 # Bounds of the memory: samples kept for backdating, and orbits kept of one circle.
 _LONGEST_TRACK = 5_000
-_MOST_SAMPLED = 2_000
+_MOST_SAMPLED = 500
 
 
 @dataclass(frozen=True)

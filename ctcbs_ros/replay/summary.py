@@ -15,8 +15,8 @@ from ctcbs_ros.prediction.tally import Tally
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.source import LogSource
 
-# Seconds between the end masses remembered for the orbits; a day's flight then takes 2 MB.
-REMEMBERED_EVERY = 1.0
+# Seconds between the end masses remembered for the orbits; a day's flight then takes 0.4 MB.
+REMEMBERED_EVERY = 5.0
 
 
 class Summary:
