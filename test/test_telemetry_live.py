@@ -23,6 +23,7 @@ from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.mavlink import MavlinkDecoder, open_link
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.transport import Reconnecting
+from ctcbs_ros.telemetry.vehicle_messages import VehicleDecoder
 
 # A vehicle in a process of its own, by pymavlink's link: 20 positions a second from a boot time.
 VEHICLE = """
@@ -419,6 +420,22 @@ def test_both_versions_and_damage_between_messages_are_read_and_counted(link, ve
     assert source.link.lost[1, 1] == 2
     assert source.link.bad_runs == 3
     assert source.link.bad_bytes == 8 + len(whole[5]) + len(whole[11])
+
+
+def test_message_that_the_decoder_fails_on_costs_no_other_and_is_counted(link, monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(VehicleDecoder, "_wind", fail)
+    port = free_port()
+    source = link(f"udpin:{port}")
+    send = Sender()
+    wind = dialect.MAVLink_wind_message(direction=270.0, speed=7.0, speed_z=0.0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for message in (heartbeat(), position(1000), wind, position(1200)):
+            sender.sendto(send(message), ("127.0.0.1", port))
+        assert [s.time for s in collect(source, 2)] == [1.0, 1.2]
+    assert source.failures == 1
 
 
 def test_signed_messages_are_read_though_the_key_is_not_known(link):

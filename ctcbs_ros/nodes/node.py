@@ -245,6 +245,7 @@ class PredictorNode(Node):
             figures["link state"] = self._live.state()
             figures["seconds sample came late"] = self._live.late
             figures["link connections"] = self._live.connections
+            figures["reads not decoded"] = self._live.failures
             figures["dropped because the node was late"] = self._live.dropped
             figures["datagrams dropped by the system"] = self._live.datagrams_dropped
             figures |= {f"rate of {name}": told for name, told in self._live.answers.items()}
