@@ -43,7 +43,7 @@ def _agrees_with_all_eigenvalues(state):
     assert found.growth_rate == pytest.approx(worst.real, rel=1e-7, abs=1e-9), state
     assert found.frequency == pytest.approx(abs(worst.imag), rel=1e-7, abs=1e-7), state
     # and more functions were taken only where fewer did not agree to 1 %, or resolve the cable
-    needed = 2.0 * _slow_wave_phase(state)
+    needed = 2.7 * _slow_wave_phase(state)
     first = next((i for i, n in enumerate(FUNCTIONS) if i and n >= needed), len(FUNCTIONS) - 1)
     tried = FUNCTIONS[first - 1 : FUNCTIONS.index(found.functions) + 1]
     coarse = _over_nodes_of(state, tried[0], tried[1])
@@ -146,6 +146,34 @@ def test_least_damped_mode_of_random_points_is_that_of_all_eigenvalues():
 def test_least_damped_mode_of_two_thousand_points_is_that_of_all_eigenvalues():
     for state in _random_states(2000, 2):
         _agrees_with_all_eigenvalues(state)
+
+
+@pytest.mark.slow
+def test_chance_agreement_is_rare_where_little_tension_meets_much_drag(monkeypatch):
+    # States along which a slow wave turns by 4 to 17 radians, against 50 functions.
+    rng, states = np.random.default_rng(4), []
+    while len(states) < 200:
+        point = {
+            "omega": rng.uniform(0.3, 3.0), "l": rng.uniform(1.5, 6.0),
+            "m": np.exp(rng.uniform(np.log(3.5), np.log(100.0))),
+            "d_n": np.exp(rng.uniform(np.log(3.0), np.log(2000.0))),
+            "f": np.exp(rng.uniform(np.log(0.1), np.log(4.0))),
+        }  # fmt: skip
+        for state in steady_states(parameters(point)).states:
+            if state.slope > 0.0 and 4.0 < _slow_wave_phase(state) < 17.0:
+                states.append(state)
+    exact = [_worst(vibration_matrix(state, 50), state.parameters.band).real for state in states]
+
+    def wrong():
+        found = [stability(state) for state in states]
+        return sum(
+            one.converged and abs(one.growth_rate - growth) > 0.02 * abs(growth)
+            for one, growth in zip(found, exact, strict=True)
+        )
+
+    assert wrong() <= 1
+    monkeypatch.setattr("ctcbs_ros.solver.stability._FUNCTIONS_A_RADIAN", 1e-9)
+    assert wrong() >= 4
 
 
 def test_all_eigenvalues_are_rarely_needed():
