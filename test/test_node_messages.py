@@ -139,7 +139,7 @@ def prediction(**changes):
     )  # fmt: skip
     end_mass = EndMass(
         state=state(), branch="main", position=np.array([1.0, 12.0, 200.0]), yaw=0.0,
-        covariance=covariance, geodetic=Geodetic(47.4, 8.5, 650.0, True),
+        covariance=covariance, fold_distance=4.0, geodetic=Geodetic(47.4, 8.5, 650.0, True),
         height_above_home=150.0, circle_center=np.array([1.0, 2.0, 200.0]),
         cable=np.linspace([1.0, 12.0, 200.0], [50.0, 30.0, 300.0], 41), settling_time=30.0,
         nearest_loss="flutter", others=(), jump_in_angular_rate=None, jump_in_speed=None,

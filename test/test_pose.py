@@ -1,16 +1,19 @@
 """The end mass in the local frame: signs and senses, mirror images, covariance."""
 
 from dataclasses import replace
-from math import cos, pi, sin, sqrt
+from math import cos, erfc, inf, pi, sin, sqrt
 
 import numpy as np
 import pytest
 from folding_flight import AIR, RADIUS, UNIT_SPEED, folding_configuration
 from points import GRAVITY
 
+from ctcbs_ros.cli.main import main
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.prediction import pose
+from ctcbs_ros.prediction import pose_study as study
+from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.steady_state import correct_state, steady_states
 
@@ -168,6 +171,79 @@ def test_an_orbit_of_unknown_covariance_gives_unknown_and_not_zero(value):
     point, state = solved(orbit)
     covariance = pose.pose_covariance(orbit, point, state)
     assert np.array_equal(covariance, np.diag(np.full(6, pose.UNKNOWN_VARIANCE)))
+
+
+@pytest.mark.parametrize("name", study.CASES)
+def test_drawn_orbits_spread_the_end_mass_as_stated_also_near_a_fold(name):
+    case = study.CASES[name]
+    for sense in (case.sense, -case.sense):
+        found = study.spread(replace(case, sense=sense), 250)
+        assert study.missed_pose_bars({name: found}, {}) == []
+        # Draws beyond the fold, by a first-order distance to it.
+        assert found.jumped == pytest.approx(found.stated_jumped, abs=0.13)
+
+
+def test_towards_the_fold_the_stated_deviation_grows_and_the_distance_falls():
+    near = [study.predicted(study.CASES[name])[1] for name in study.CASES if "fold" in name]
+    distances = [end_mass.fold_distance for end_mass in near]
+    horizontal = [np.trace(end_mass.covariance[:2, :2]) for end_mass in near]
+    assert distances == sorted(distances, reverse=True)
+    assert horizontal == sorted(horizontal)
+    assert distances[0] > 20.0
+    assert distances[-1] < 1.0
+    assert horizontal[-1] > 20.0**2 * horizontal[0]
+
+
+def test_without_the_chance_of_a_jump_a_pose_near_a_fold_would_be_understated(monkeypatch):
+    case = study.CASES["fold 0.3 % away"]
+    whole = pose.pose_covariance
+
+    def first_order(orbit, point, state, distance, landed):
+        return whole(orbit, point, state)
+
+    monkeypatch.setattr(pose, "pose_covariance", first_order)
+    assert study.missed_pose_bars({"near": study.spread(case, 100)}, {})
+
+
+@pytest.mark.parametrize(
+    ("rate", "radius", "correlation"),
+    [(0.02, -0.01, 0.0), (0.02, -0.01, 0.8), (-0.03, 0.02, -0.5), (0.02, None, 0.3)],
+)
+def test_the_fold_is_as_far_as_the_chance_of_being_beyond_it_says(rate, radius, correlation):
+    relative = np.array([0.008, 0.012])  # of radius and rate
+    covariance = np.zeros((6, 6))
+    orbit = orbit_of()
+    sigmas = relative * (orbit.radius, orbit.angular_rate)
+    covariance[3:5, 3:5] = np.outer(sigmas, sigmas) * [[1.0, correlation], [correlation, 1.0]]
+    orbit = orbit_of(covariance=covariance)
+    jumps = [value and Jump(1.0, value, 1.0) for value in (rate, radius)]
+    k = pose.fold_distance(orbit, *jumps)
+    draws = np.random.default_rng(3).multivariate_normal(np.zeros(6), covariance, 200_000)
+    d_radius, d_rate = draws[:, 3] / orbit.radius, draws[:, 4] / orbit.angular_rate
+    # Of a change of the radius, the part at constant speed, and the change of the rate beside it.
+    along = d_radius / radius if radius else 0.0
+    beyond = np.mean(along + (d_rate + d_radius) / rate > 1.0)
+    assert beyond == pytest.approx(0.5 * erfc(k / sqrt(2.0)), abs=0.003)
+
+
+def test_without_a_fold_or_an_error_of_the_orbit_none_is_near():
+    assert pose.fold_distance(orbit_of(covariance=np.eye(6)), None, None) == inf
+    assert pose.fold_distance(orbit_of(), Jump(1.0, 0.1, 1.0), None) == inf
+    at_it = pose.fold_distance(orbit_of(covariance=np.eye(6)), Jump(1.0, 0.0, 1.0), None)
+    assert at_it == 0.0
+
+
+@pytest.mark.parametrize(("place", "sense"), [("north", 1), ("south", -1)])
+def test_the_true_end_mass_of_a_noisy_flight_is_where_it_is_stated_to_be(place, sense):
+    found = study.flown(place, sense, 8)
+    assert study.missed_pose_bars({}, {"flights": found}) == []
+    assert found.error < 0.6
+
+
+@pytest.mark.slow
+def test_the_covariance_holds_in_400_flights_and_1000_draws_of_each_case(capsys):
+    assert main(["pose-study"]) == 0
+    assert "All bars hold." in capsys.readouterr().out
 
 
 def test_covariance_grows_towards_a_fold():

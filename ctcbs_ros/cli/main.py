@@ -82,6 +82,7 @@ def _parser() -> argparse.ArgumentParser:
         design,
         figures,
         orbit_study,
+        pose_study,
         replay,
         simulate,
         steady,
@@ -97,7 +98,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in (
         steady, branch, cusp, critical_drag, design, figures, table, replay, simulate, bench,
-        orbit_study, wind_study,
+        orbit_study, wind_study, pose_study,
     ):  # fmt: skip
         command.add_parser(commands)
     return parser

@@ -1,7 +1,7 @@
 """The tracked state described in SI units and in the local frame: what a prediction publishes."""
 
 from dataclasses import replace
-from math import inf, log
+from math import inf, isfinite, log
 
 import numpy as np
 
@@ -50,12 +50,17 @@ def end_mass_in_si(
         If the cable cannot be integrated.
     """
     state = state_in_si(point, tracked.state, outlook.stability)
+    in_angular_rate = _jump_in_si(outlook.in_angular_rate, point.angular_rate, point)
+    in_radius = _jump_in_si(outlook.in_radius, point.radius, point)
+    distance = pose.fold_distance(orbit, in_angular_rate, in_radius)
+    landed = _landed(point, tracked, in_angular_rate or in_radius)
     return EndMass(
         state=state,
         branch=tracked.branch,
         position=position,
         yaw=pose.motion_yaw(orbit, tracked.state),
-        covariance=pose.pose_covariance(orbit, point, tracked.state),
+        covariance=pose.pose_covariance(orbit, point, tracked.state, distance, landed),
+        fold_distance=distance,
         geodetic=geodetic,
         height_above_home=float(position[2] - ground_up),
         circle_center=orbit.center - np.array([0.0, 0.0, state.depth]),
@@ -66,9 +71,9 @@ def end_mass_in_si(
             state_in_si(point, other, stability)
             for other, stability in zip(tracked.others, outlook.of_others, strict=True)
         ),
-        jump_in_angular_rate=_jump_in_si(outlook.in_angular_rate, point.angular_rate, point),
+        jump_in_angular_rate=in_angular_rate,
         jump_in_speed=_jump_in_si(outlook.in_angular_rate, point.speed, point),
-        jump_in_radius=_jump_in_si(outlook.in_radius, point.radius, point),
+        jump_in_radius=in_radius,
         method=tracked.method,
     )
 
@@ -89,6 +94,14 @@ def state_in_si(point: FlightPoint, state: SteadyState, stability: Stability) ->
         stable=stability.stable,
         residual=state.residual,
     )
+
+
+def _landed(point: FlightPoint, tracked: Tracked, jump: Jump | None) -> SteadyState | None:
+    """The other state of this orbit that a jump leads to; None if there is none."""
+    if jump is None or not isfinite(jump.landing_radius) or not tracked.others:
+        return None
+    wanted = jump.landing_radius / point.radius
+    return min(tracked.others, key=lambda state: abs(state.end_mass_radius / wanted - 1.0))
 
 
 def _jump_in_si(jump: Jump | None, unit: float, point: FlightPoint) -> Jump | None:

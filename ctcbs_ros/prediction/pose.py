@@ -1,10 +1,11 @@
 """Where the end mass is in the local frame: position, motion, covariance, cable."""
 
-from math import cos, pi, sin
+from math import cos, erfc, inf, pi, sin, sqrt
 
 import numpy as np
 
 from ctcbs_ros.orbit.orbit import ORBIT_STATE, Orbit
+from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.scaling import FlightPoint
 from ctcbs_ros.solver.family import ANGULAR_RATE, Family
 from ctcbs_ros.solver.sensitivity import sensitivities
@@ -54,10 +55,59 @@ def cable_points(orbit: Orbit, point: FlightPoint, state: SteadyState) -> np.nda
     return orbit.center + np.column_stack([c * x - s * y, s * x + c * y, z - depth])
 
 
-def pose_covariance(orbit: Orbit, point: FlightPoint, state: SteadyState) -> np.ndarray:
+def fold_distance(orbit: Orbit, in_angular_rate: Jump | None, in_radius: Jump | None) -> float:
+    """Distance of the orbit to the end of the branch, in its own standard deviations.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    in_angular_rate, in_radius : Jump or None
+        At this radius, and at this speed; `relative` is used.
+
+    Returns
+    -------
+    float
+        inf where the branch does not end, or the orbit's covariance is not known.
+
+    Notes
+    -----
+    To first order the fold is a line n.(d ln radius, d ln rate) = 1 through the two jumps; a
+    change of the radius at constant speed is (1, -1).
+    """
+    rate = in_angular_rate.relative if in_angular_rate else inf
+    radius = in_radius.relative if in_radius else inf
+    if radius * rate > 0.0 and rate < inf:
+        radius = inf  # a tighter circle turns faster: these are two folds
+    normal = np.array([1.0 / radius + 1.0 / rate, 1.0 / rate]) if rate and radius else None
+    if normal is None:
+        return 0.0
+    scale = np.array([1.0 / orbit.radius, 1.0 / orbit.angular_rate])
+    with np.errstate(all="ignore"):
+        variance = normal @ (orbit.covariance[3:5, 3:5] * np.outer(scale, scale)) @ normal
+    return 1.0 / sqrt(variance) if 0.0 < variance < inf else inf
+
+
+def pose_covariance(
+    orbit: Orbit,
+    point: FlightPoint,
+    state: SteadyState,
+    distance: float = inf,
+    landed: SteadyState | None = None,
+) -> np.ndarray:
     """Covariance of (east, north, up, roll, pitch, yaw), (6, 6), from the orbit's covariance.
 
-    First order, by the derivatives of the steady state; it grows without bound towards a fold.
+    First order, by the derivatives of the steady state, which grow without bound towards a fold;
+    beside it, the chance that the orbit lies beyond the fold and the end mass has jumped.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    point : FlightPoint
+    state : SteadyState
+    distance : float
+        `fold_distance`.
+    landed : SteadyState, optional
+        Of the same orbit: where the end mass is if it has jumped.
     """
     moves = sensitivities(state, (RADIUS_AT_RATE, ANGULAR_RATE))
     a, rate = orbit.radius, orbit.angular_rate
@@ -83,6 +133,13 @@ def pose_covariance(orbit: Orbit, point: FlightPoint, state: SteadyState) -> np.
     covariance = _UNKNOWN.copy()
     with np.errstate(all="ignore"):
         known = jacobian @ orbit.covariance @ jacobian.T
+        if landed is not None:
+            off = np.empty(4)
+            off[:3] = end_mass_position(orbit, point, landed)
+            off[:3] -= end_mass_position(orbit, point, state)
+            turned = motion_yaw(orbit, landed) - motion_yaw(orbit, state)
+            off[3] = (turned + pi) % (2.0 * pi) - pi
+            known += 0.5 * erfc(distance / sqrt(2.0)) * np.outer(off, off)
     if np.isfinite(known).all() and known.trace() < 3.0 * UNKNOWN_VARIANCE:
         covariance[_KNOWN] = 0.5 * (known + known.T)
     return covariance

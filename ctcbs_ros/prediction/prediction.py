@@ -78,6 +78,9 @@ class EndMass:
         ENU direction [rad] of its motion.
     covariance : (6, 6) ndarray
         Of (east, north, up, roll, pitch, yaw) in SI units, as in PoseWithCovariance.
+    fold_distance : float
+        To the end of the branch, in standard deviations of the orbit; inf where it does not end.
+        Below about 3 the end mass may have jumped and the covariance is a rough one.
     geodetic : Geodetic
         The same position in latitude, longitude, altitude; nan where no datum is known.
     height_above_home : float
@@ -104,6 +107,7 @@ class EndMass:
     position: np.ndarray
     yaw: float
     covariance: np.ndarray
+    fold_distance: float
     geodetic: Geodetic
     height_above_home: float
     circle_center: np.ndarray

@@ -109,6 +109,7 @@ def end_mass_fields(end_mass: EndMass) -> Record:
         "settling_time_s": finite(end_mass.settling_time),
         "nearest_loss": end_mass.nearest_loss,
         "jump_margin": finite(end_mass.jump_margin),
+        "fold_distance_std": finite(end_mass.fold_distance),
         **_jump("angular_rate", "rad_s", end_mass.jump_in_angular_rate),
         **_jump("speed", "m_s", end_mass.jump_in_speed),
         **_jump("radius", "m", end_mass.jump_in_radius),

@@ -16,6 +16,8 @@ WIND_NOT_KNOWN = "wind is not known; the prediction is for still air"
 # its standard deviation from which one cannot tell.
 _WINDY = 0.05
 _UNSURE = 0.1
+# Standard deviations of the orbit to a fold below which it may have been passed.
+_SURELY_BEFORE = 3.0
 
 _SOURCES = {
     WindSource.AUTOPILOT: "the autopilot",
@@ -156,9 +158,15 @@ def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) ->
         if jump is not None
     ]
     distance, where, landing = min(jumps, default=(inf, "", nan))
-    if distance < limits.near_jump:
+    if distance < limits.near_jump or (jumps and end_mass.fold_distance < _SURELY_BEFORE):
         onto = f"to a radius of {landing:.0f} m" if isfinite(landing) else "to no stable state"
-        found.append(_warn(WarningCode.NEAR_JUMP, f"jump at {where} {onto}"))
+        text = f"jump at {where} {onto}"
+        if end_mass.fold_distance < _SURELY_BEFORE:
+            text += (
+                f"; only {end_mass.fold_distance:.1f} standard deviations of the orbit away, it "
+                "may have happened"
+            )
+        found.append(_warn(WarningCode.NEAR_JUMP, text))
     limit = limits.tension_fraction * cable.breaking_tension
     if state.greatest_tension > limit:
         breaking = f"the breaking tension {cable.breaking_tension:g} N"

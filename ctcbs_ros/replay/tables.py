@@ -63,6 +63,7 @@ PREDICTION_COLUMNS = (
     "settling_time_s",
     "nearest_loss",
     "jump_margin",
+    "fold_distance_std",
     "jump_angular_rate_rad_s",
     "jump_angular_rate_relative",
     "jump_angular_rate_landing_radius_m",
