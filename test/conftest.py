@@ -1,10 +1,17 @@
 """The small drone's table and a flight of it, made once for all tests that need them."""
 
+import os
 from pathlib import Path
 
 import pytest
 
 DRONE = Path(__file__).parents[1] / "config" / "small_drone.yaml"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ros_log_folder(tmp_path_factory):
+    """ROS's log files of all tests, which need no home folder for it."""
+    os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))
 
 
 @pytest.fixture(scope="session")
