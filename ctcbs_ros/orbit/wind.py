@@ -25,6 +25,8 @@ _HUBER_VARIANCE = 0.8213
 _HUBER_COST = 1.0 / 0.95
 _FEWEST_SAMPLES = 12
 _LEAST_COURSE = 0.5
+# Part of a turn after which the wind is estimated anew.
+_ANEW = 1.0 / 16.0
 _MOST_SAMPLES = 240
 # Squared distance of two winds, in units of its covariance, that chance does not explain.
 CONTRADICTION = float(chi2.ppf(0.999, 2))
@@ -170,11 +172,16 @@ class WindEstimator:
     def reset(self) -> None:
         """Forget all velocities."""
         self._first = self._end = 0
+        self._latest: FlightWind | None = None
         # Least time between samples [s], so that at high rates a whole turn is kept.
         self._spacing = 0.0
 
     def begin(self, time: float) -> None:
         """An orbit was begun at a time [s]: what was flown before says nothing about it."""
+        self._latest = None
+        self._forget(time)
+
+    def _forget(self, time: float) -> None:
         while self._first < self._end and self._rows[self._first, _TIME] < time:
             self._first += 1
 
@@ -226,11 +233,17 @@ class WindEstimator:
         self._first, self._end = 0, len(kept)
 
     def estimate(self, orbit: Orbit) -> FlightWind | None:
-        """Wind over the last turn of an orbit; None where the turn does not show it."""
+        """Wind over the last turn of an orbit; None where the turn does not show it.
+
+        It hardly changes from one sample to the next, and is estimated anew 16 times a turn.
+        """
         turn = _TURN / orbit.angular_rate
         self._spacing = turn / (0.9 * _MOST_SAMPLES)
-        self.begin(orbit.time - turn)
-        return wind_of_turn(self._rows[self._first : self._end], turn, self._settings)
+        self._forget(orbit.time - turn)
+        if self._latest is None or not orbit.time < self._latest.time + _ANEW * turn:
+            rows = self._rows[self._first : self._end]
+            self._latest = wind_of_turn(rows, turn, self._settings)
+        return self._latest
 
 
 def wind_of_turn(
