@@ -5,6 +5,7 @@ messages) are slow; a hundredth of each is not.
 """
 
 import gc
+import sys
 import tracemalloc
 from collections import Counter
 
@@ -211,3 +212,42 @@ def test_every_fault_of_a_link_at_once_is_counted(log, tmp_path):
     assert found.summary["samples"] == positions
     assert set(found.skipped) == {"DUPLICATE", "OUT_OF_ORDER"}
     assert found.valid > 0
+
+
+_heard: list | None = None
+
+
+def _audit(event, arguments):
+    if _heard is not None and event.split(".")[0] in {
+        "open", "os", "subprocess", "socket", "exec", "compile", "import", "shutil", "pickle",
+    }:  # fmt: skip
+        _heard.append((event, arguments))
+
+
+def test_nothing_that_a_link_says_opens_a_file_or_runs(log):
+    """Messages with paths and code in all their bytes, heard by an audit hook (PEP 578)."""
+    global _heard
+    random = np.random.default_rng(2)
+    frames = [r.frame for r in log[:60]]
+    for kind in MESSAGES:
+        size = dialect.mavlink_map[kind].unpacker.size
+        text = random.choice([b"../../../tmp/escaped\0", b"__import__('os')\0", b"|touch x;\0"])
+        frames.append(framed(kind, bytes((text * (size // len(text) + 1))[:size]), random))
+    predictor = Predictor(load_configuration(DRONE))
+
+    def fly():
+        decoder = MavlinkDecoder(False)
+        samples = [s for frame in frames for s in decoder.feed(frame, 1_700_000_000_000_000)]
+        return decoder, [predictor.update(sample) for sample in samples]
+
+    fly()  # what is loaded once is loaded
+    sys.addaudithook(_audit)  # there is no way to take it off
+    _heard = []
+    try:
+        decoder, predictions = fly()
+        heard = _heard
+    finally:
+        _heard = None
+    assert decoder.link.messages == len(frames)
+    assert len(predictions) > 10
+    assert heard == []

@@ -19,12 +19,15 @@ from ctcbs_ros.telemetry.sample import Sample, Vector
 # For longer than this [s] or through more than this angle [rad] velocities lead nowhere.
 _LONGEST, _FARTHEST = 3.0, 0.8 * pi
 # Misses remembered, and how many it takes to know what is usual.
-_REMEMBERED, _ENOUGH = 31, 8
-# What misses by more than so many medians does not go on; of normal errors one in 10^5 does that.
-_MEDIANS = 4.0
-# Medians are at least taken to be this large, horizontally and vertically [m]: barometers drift,
-# and some sources send no vertical velocity.
-_LEAST = (0.4, 2.0)
+_REMEMBERED, _ENOUGH = 61, 8
+# Samples that may lead to the next one: the newest alone may be a poor one itself.
+_LEADING = 3
+# What misses by more than so many medians does not go on, horizontally and vertically: of normal
+# errors on two axes and on one 5.5 standard deviations.
+_MEDIANS = (4.7, 8.2)
+# Medians are at least taken to be this large [m]: barometers drift, and some sources send no
+# vertical velocity.
+_LEAST = (0.4, 1.0)
 # A manoeuvre's change of acceleration, which velocities at two times do not show [m/s^3].
 _JERK = 20.0
 # Samples in a row that go on from each other until the track is believed to go on there.
@@ -48,7 +51,7 @@ class Continuity:
 
     def reset(self) -> None:
         """Forget the track."""
-        self._newest: _Point | None = None
+        self._track: deque[_Point] = deque(maxlen=_LEADING)
         self._stray: _Point | None = None
         self._strays = 0
         self._misses = tuple(deque(maxlen=_REMEMBERED) for _ in _LEAST)
@@ -71,38 +74,45 @@ class Continuity:
             self.reset()
             return Track.GOES_ON
         point = (sample.time, position, sample.velocity)
-        led, strayed = _miss(self._newest, point), _miss(self._stray, point)
+        led = [miss for before in self._track if (miss := _miss(before, point)) is not None]
+        strayed = None if self._stray is None else _miss(self._stray, point)
         if self._goes_on(led, strayed):
-            if led is not None:
-                for remembered, length in zip(self._misses, led.lengths, strict=True):
+            if led:
+                for remembered, length in zip(self._misses, led[-1].lengths, strict=True):
                     remembered.append(length)
             found = Track.GOES_ON
         else:
-            self._strays = self._strays + 1 if self._is_usual(strayed) else 1
+            follows = strayed is not None and self._is_usual(strayed)
+            self._strays = self._strays + 1 if follows else 1
             self._stray = point
             if self._strays < _CONFIRMATIONS:
                 return Track.STRAYS
             found = Track.BREAKS
-        self._newest, self._stray = point, None
+            self._track.clear()
+        self._track.append(point)
+        self._stray = None
         return found
 
-    def _goes_on(self, led: "_Miss | None", strayed: "_Miss | None") -> bool:
+    def _goes_on(self, led: "list[_Miss]", strayed: "_Miss | None") -> bool:
         """Whether a point belongs to the track rather than to the strays after it, if any."""
+        # The older ones are to make up for noise of the newest, not to allow for more manoeuvres.
+        led = [miss._replace(manoeuvre=led[-1].manoeuvre) for miss in led]
+        usual = [sum(miss.lengths) for miss in led if self._is_usual(miss)]
         if strayed is None:
-            return led is None or self._is_usual(led)
-        if not self._is_usual(led):
-            return False
+            return not led or len(usual) > 0
         # Over its longer time more is usual of the track.
-        return not self._is_usual(strayed) or sum(led.lengths) <= sum(strayed.lengths)
+        return len(usual) > 0 and (
+            not self._is_usual(strayed) or min(usual) <= sum(strayed.lengths)
+        )
 
-    def _is_usual(self, miss: "_Miss | None") -> bool:
-        if miss is None:
-            return False
+    def _is_usual(self, miss: "_Miss") -> bool:
         if len(self._misses[0]) < _ENOUGH:
             return True
         return all(
-            length <= _MEDIANS * max(median(remembered), least) + miss.manoeuvre
-            for length, remembered, least in zip(miss.lengths, self._misses, _LEAST, strict=True)
+            length <= medians * max(median(remembered), least) + miss.manoeuvre
+            for length, remembered, least, medians in zip(
+                miss.lengths, self._misses, _LEAST, _MEDIANS, strict=True
+            )
         )
 
 
@@ -113,13 +123,11 @@ class _Miss(NamedTuple):
     manoeuvre: float
 
 
-def _miss(before: _Point | None, after: _Point) -> _Miss | None:
+def _miss(before: _Point, after: _Point) -> _Miss | None:
     """The miss of a point; None where the one before leads nowhere.
 
     In between the velocity is taken to turn evenly.
     """
-    if before is None:
-        return None
     (start, here, velocity), (end, there, last) = before, after
     duration = end - start
     turned = atan2(
