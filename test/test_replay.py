@@ -67,7 +67,8 @@ def test_summary_has_the_keys_that_other_tools_rely_on(drone_log, drone_table):
     (orbit,) = summary["orbits"]
     assert {
         "start_s", "end_s", "turns", "radius_m", "speed_m_s", "sense", "center",
-        "end_mass_radius_m", "end_mass_depth_m", "margin_per_s",
+        "end_mass_radius_m", "end_mass_depth_m", "margin_per_s", "wind_speed_m_s",
+        "wind_from_deg", "wind_source",
     } <= set(orbit)  # fmt: skip
     assert "replay" in done.stderr  # the progress
 

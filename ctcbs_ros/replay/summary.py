@@ -3,11 +3,12 @@
 from array import array
 from bisect import bisect_left, bisect_right
 from dataclasses import asdict
-from math import isfinite
+from math import atan2, degrees, hypot, isfinite, nan
 from typing import Any
 
 from ctcbs_ros.geodesy import to_geodetic
 from ctcbs_ros.orbit.segments import OrbitSegment, OrbitSegments
+from ctcbs_ros.orbit.wind import WindSource
 from ctcbs_ros.prediction.prediction import Prediction
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import finite, sense_name
@@ -17,6 +18,7 @@ from ctcbs_ros.telemetry.source import LogSource
 
 # Seconds between the end masses remembered for the orbits; a day's flight then takes 0.4 MB.
 REMEMBERED_EVERY = 5.0
+_SOURCES = tuple(WindSource)
 
 
 class Summary:
@@ -36,6 +38,8 @@ class Summary:
         self._flights: set[int] = set()
         # End masses of the flight, thinned: time, radius of the end mass, density of the air.
         self._times, self._radii, self._densities = array("d"), array("d"), array("d")
+        # Wind of each: towards east, north; and its source by number, -1 for none.
+        self._easts, self._norths, self._sources = array("d"), array("d"), array("b")
 
     def add(self, prediction: Prediction) -> None:
         """Take in the prediction of one more sample."""
@@ -55,6 +59,11 @@ class Summary:
             self._times.append(prediction.time)
             self._radii.append(prediction.end_mass.state.radius)
             self._densities.append(prediction.air_density)
+            wind = prediction.wind
+            east, north = (nan, nan) if wind is None else wind.velocity
+            self._easts.append(east)
+            self._norths.append(north)
+            self._sources.append(-1 if wind is None else _SOURCES.index(wind.source))
 
     def finish(self) -> dict[str, Any]:
         """The summary, ready for JSON.
@@ -65,7 +74,8 @@ class Summary:
             samples, predictions, skipped, warnings, wind_seen (of the samples warned of wind,
             those where there is some), and orbits: for each its start and end in
             seconds after the first believed sample, turns, radius, speed, sense, centre, and the
-            end mass's radius, depth and margin, which are None where no state was found; flights
+            end mass's radius, depth and margin, which are None where no state was found, and the
+            wind at its end, None where nobody knew; flights
             counts the boots of the vehicle that gave believed samples.
         """
         orbits = [self._orbit(segment) for segment in self._segments.finish()]
@@ -75,7 +85,9 @@ class Summary:
         state = None
         first = bisect_left(self._times, segment.start_time)
         last = bisect_right(self._times, segment.end_time) - 1
+        wind = {"wind_speed_m_s": None, "wind_from_deg": None, "wind_source": None}
         if last >= first:
+            wind = self._wind(last)
             state = self._predictor.state_at(
                 segment.radius,
                 segment.speed,
@@ -93,6 +105,16 @@ class Summary:
             "end_mass_radius_m": finite(state.radius) if state else None,
             "end_mass_depth_m": finite(state.depth) if state else None,
             "margin_per_s": finite(state.margin_per_s) if state else None,
+            **wind,
+        }
+
+    def _wind(self, number: int) -> dict[str, Any]:
+        """The wind believed at the newest end mass of an orbit."""
+        east, north, source = self._easts[number], self._norths[number], self._sources[number]
+        return {
+            "wind_speed_m_s": finite(hypot(east, north)),
+            "wind_from_deg": finite(degrees(atan2(-east, -north)) % 360.0),
+            "wind_source": None if source < 0 else _SOURCES[source].value,
         }
 
     def _latitude_longitude(self, segment: OrbitSegment) -> list[float] | None:

@@ -111,6 +111,12 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
             f"{_number(orbit['end_mass_radius_m'], 18, 2)}  "
             f"{_number(orbit['end_mass_depth_m'], 7, 2)}  {_number(orbit['margin_per_s'], 10, 4)}"
         )
+    for number, orbit in enumerate(orbits, 1):
+        if orbit["wind_source"] is not None:
+            yield (
+                f"Wind at the end of orbit {number}: {orbit['wind_speed_m_s']:.1f} m/s from "
+                f"{orbit['wind_from_deg']:.0f} deg, by the {orbit['wind_source']}"
+            )
 
 
 def _number(value: float | None, width: int, decimals: int) -> str:
