@@ -7,7 +7,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from math import inf, isfinite, nan, pi
 from pathlib import Path
 from typing import Any
@@ -143,6 +143,26 @@ class WarningLimits:
 
 
 @dataclass(frozen=True)
+class Receiver:
+    """Errors of the aircraft's positions and velocities.
+
+    Attributes
+    ----------
+    position_sigma, velocity_sigma : float
+        Standard deviations of one axis where the source states none [m], [m/s].
+    correlated_share : float
+        Share of a position's standard deviation, stated or not, that is correlated in time.
+    correlation_time : float
+        Time in which that correlation falls to 1/e [s].
+    """
+
+    position_sigma: float = 2.0
+    velocity_sigma: float = 0.4
+    correlated_share: float = 0.97
+    correlation_time: float = 45.0
+
+
+@dataclass(frozen=True)
 class Configuration:
     """One operation; `source` says where it was read from (a path, or a node's name)."""
 
@@ -153,6 +173,7 @@ class Configuration:
     limits: WarningLimits
     source: str
     wind: SetWind = SetWind()
+    receiver: Receiver = field(default_factory=Receiver)
 
 
 def load_configuration(path: str | Path, settings: Sequence[str] = ()) -> Configuration:
@@ -223,6 +244,7 @@ def configuration_from_mapping(mapping: Mapping[str, Any], source: str) -> Confi
         limits=WarningLimits(**section("limits"), ground_level_amsl=values["ground.level_amsl"]),
         source=source,
         wind=SetWind(**section("wind")),
+        receiver=Receiver(**section("receiver")),
     )
     _refuse_contradictions(configuration)
     return configuration

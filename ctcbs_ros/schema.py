@@ -123,6 +123,26 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         meaning="warn STALE_TELEMETRY after this time without a sample",
     ),
     ParameterSpec(
+        key="receiver.position_sigma", type=float, unit="m", default=2.0,
+        minimum=0.01, maximum=1000.0,
+        meaning="standard deviation of a position along one axis where the source states none",
+    ),
+    ParameterSpec(
+        key="receiver.velocity_sigma", type=float, unit="m/s", default=0.4,
+        minimum=0.001, maximum=100.0,
+        meaning="standard deviation of a velocity along one axis where the source states none",
+    ),
+    ParameterSpec(
+        key="receiver.correlated_share", type=float, default=0.97,
+        minimum=0.0, maximum=1.0,
+        meaning="share of a position's standard deviation that is correlated in time; 0 for none",
+    ),
+    ParameterSpec(
+        key="receiver.correlation_time", type=float, unit="s", default=45.0,
+        minimum=0.1, maximum=86_400.0,
+        meaning="time in which the correlation of a position's error falls to 1/e",
+    ),
+    ParameterSpec(
         key="ground.level_amsl", type=float, unit="m", default=nan, missing=True,
         minimum=-500.0, maximum=9000.0,
         meaning="height of the ground above mean sea level; .nan takes home as the ground",

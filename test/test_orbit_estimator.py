@@ -88,6 +88,43 @@ def test_circle_held_over_the_ground_in_wind_is_an_orbit_of_its_own_period():
     assert orbit.angular_rate == pytest.approx(TURN / period, rel=0.12)
 
 
+@pytest.mark.parametrize("sense", [1, -1])
+def test_circle_that_drifts_is_an_orbit_with_its_drift_and_its_radius_in_the_air(sense):
+    wind = np.array([4.0, -5.7])
+    flight = entry(70.0, 1.4, 16.0, 9, sense)
+    flight.position[:, :2] += np.outer(flight.time, wind)
+    flight.velocity[:, :2] += wind
+    orbit = estimate(flight)[-1].orbit
+    center = flight.centers[1] + wind * flight.time[-1]
+    assert orbit.sense == sense
+    assert orbit.radius == pytest.approx(70.0, rel=0.01)
+    assert orbit.angular_rate == pytest.approx(16.0 / 70.0, rel=0.01)
+    assert orbit.drift == pytest.approx(wind, abs=0.15)
+    assert orbit.center[:2] == pytest.approx(center, abs=1.5)
+    error = orbit.drift - wind
+    assert error @ np.linalg.solve(orbit.covariance[7:, 7:], error) < 13.8
+
+
+def test_circle_that_stands_still_has_no_drift_and_how_well_that_is_known_once_it_can_be():
+    fixes = estimate(entry(80.0, 1.3, 20.0, 10))
+    orbits = [fix.orbit for fix in fixes if fix.orbit is not None]
+    early, late = orbits[0], orbits[-1]
+    assert not np.any(late.drift)
+    assert np.isinf(np.diag(early.covariance)[7:]).all()
+    assert (np.sqrt(np.diag(late.covariance)[7:]) < 0.2).all()
+
+
+def test_climb_and_height_are_inside_what_is_stated_of_them():
+    inside = []
+    for seed in range(40):
+        flight = entry(80.0, 0.75, 20.0, seed, climb=2.0)
+        orbit = estimate(flight)[-1].orbit
+        error = np.array([orbit.center[2] - flight.true_position[-1, 2], orbit.climb_rate - 2.0])
+        block = orbit.covariance[np.ix_([2, 6], [2, 6])]
+        inside.append(error @ np.linalg.solve(block, error) < 5.99)
+    assert np.mean(inside) > 0.85
+
+
 def test_gap_of_five_seconds_on_the_circle_does_not_lose_it():
     flight = entry(60.0, 3.0, 20.0, 5)
     middle = flight.time[len(flight.time) // 2]

@@ -14,7 +14,7 @@ from ctcbs_ros.kernels.circle import (
     widening,
 )
 from ctcbs_ros.kernels.regression import invert_normal, least_squares, line
-from ctcbs_ros.orbit.circle_fit import HUBER, fit_circle
+from ctcbs_ros.orbit.circle_fit import HUBER, drifting_start, fit_circle
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4, 6])
@@ -101,6 +101,19 @@ def test_the_circle_has_the_least_huber_loss_that_scipy_finds(with_velocities):
     assert fit.radial == pytest.approx(expected, abs=0.03)
 
 
+def test_a_drifting_circle_without_noise_is_found_exactly_from_nothing():
+    age = np.linspace(-20.0, 0.0, 60)
+    angle = 0.3 * age
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    drift, center = np.array([5.0, -2.0]), np.array([300.0, -40.0])
+    points = center + np.outer(age, drift) + 70.0 * out
+    velocities = drift + 70.0 * 0.3 * np.column_stack([-out[:, 1], out[:, 0]])
+    exact = [*center, 70.0, *drift]
+    assert drifting_start(points, velocities, age) == pytest.approx(exact, abs=1e-6)
+    fit = fit_circle(points, velocities, np.full(60, 1e-3), np.full(60, 1e-3), None, age)
+    assert [*fit.center, fit.radius, *fit.drift] == pytest.approx(exact, abs=1e-6)
+
+
 def test_points_on_a_line_have_no_circle():
     points = np.column_stack([np.linspace(0.0, 100.0, 20), np.zeros(20)])
     nothing = np.full((20, 2), np.nan)
@@ -146,25 +159,30 @@ def dense_errors(time, sigma, correlated, correlation_time):
     return sigma**2 * np.eye(len(time)) + correlated**2 * np.exp(-lag / correlation_time)
 
 
-def test_errors_are_propagated_as_finite_differences_and_dense_matrices_say():
+@pytest.mark.parametrize("drifts", [False, True])
+def test_errors_are_propagated_as_finite_differences_and_dense_matrices_say(drifts):
     # The fit is run again for each coordinate moved a little; nothing but it is trusted.
     points, velocities, _ = track(count=40, noise=0.3)
     time = np.sort(np.random.default_rng(3).uniform(0.0, 25.0, 40))
+    age = time - time[-1]
+    if drifts:
+        drift = np.array([3.0, -1.0])
+        points, velocities = points + np.outer(age, drift), velocities + drift
     sigmas = np.full(40, 1.5), np.full(40, 0.3)
     operators = np.vstack([np.linspace(-0.1, 0.1, 40), np.r_[np.zeros(30), np.full(10, 0.1)]])
 
     def result(moved, faster, start):
-        fit = fit_circle(moved, faster, *sigmas, start)
+        fit = fit_circle(moved, faster, *sigmas, start, age if drifts else None)
         angle = np.empty(40)
-        continuous_angles(moved, *fit.center, time, 0.0, angle)
-        return np.array([*fit.center, fit.radius, *operators @ angle]), fit
+        continuous_angles(fit.points, *fit.center, time, 0.0, angle)
+        drift = fit.drift if drifts else []
+        return np.array([*fit.center, fit.radius, *drift, *operators @ angle]), fit
 
-    start = (np.array([30.0, -20.0]), 100.0)
+    start = None if drifts else (np.array([30.0, -20.0]), 100.0)
     for _ in range(5):
-        _, fit = result(points, velocities, start)
-        start = fit.center, fit.radius
-    base, fit = result(points, velocities, start)
-    gain = np.empty((2, 2, 40, 5))  # of position and velocity, axis, sample
+        base, fit = result(points, velocities, start)
+        start = fit.center, fit.radius, fit.drift
+    gain = np.empty((2, 2, 40, len(base)))  # of position and velocity, axis, sample
     for axis in range(2):
         for i in range(40):
             step = np.zeros((40, 2))
@@ -173,10 +191,10 @@ def test_errors_are_propagated_as_finite_differences_and_dense_matrices_say():
             gain[1, axis, i] = (result(points, velocities + step, start)[0] - base) / 0.05
     position, velocity = dense_errors(time, 1.5, 2.0, 8.0), 0.3**2 * np.eye(40)
     expected = sum(g.T @ position @ g for g in gain[0]) + sum(g.T @ velocity @ g for g in gain[1])
-    covariance = np.empty((5, 5))
+    covariance = np.empty((len(base), len(base)))
     propagate(
-        points, velocities, time, fit.circle, fit.weight, fit.inverse, operators,
-        sigmas[0] ** 2, sigmas[1] ** 2, np.array([4.0]), np.array([8.0]), covariance,
+        fit.points, fit.velocities, age, fit.circle, fit.weight, fit.inverse, operators,
+        sigmas[0] ** 2, sigmas[1] ** 2, np.full((1, 40), 2.0), np.array([8.0]), covariance,
     )
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert covariance / scale == pytest.approx(expected / scale, abs=0.03)
@@ -194,7 +212,8 @@ def test_a_spiral_is_told_from_a_circle_over_half_a_turn():
         velocities = 20.0 * (along + slip[:, None] * out) + random.normal(0.0, 0.3, (60, 2))
         fit = fit_circle(points, velocities, np.full(60, 1.5), np.full(60, 0.3))
         change, variance, _ = widening(
-            points, velocities, fit.circle, angle, fit.radial, fit.along, fit.weight
+            points, velocities, np.linspace(-8.0, 0.0, 60), fit.circle, False, angle, fit.radial,
+            fit.along, fit.weight, np.zeros(60), 45.0,
         )
         # Huber's weights, those of a circle, shrink a large change by some 15 %.
         assert abs(change - 0.85 * growth) < 3.0 * np.sqrt(variance)

@@ -5,6 +5,9 @@ from dataclasses import asdict
 from ctcbs_ros.cli.output import print_json
 from ctcbs_ros.cli.study_options import add_study_options
 
+# Flights that one worker flies at a time.
+_CHUNK = 50
+
 
 def add_parser(subparsers) -> None:
     """Add the subcommand's arguments."""
@@ -15,43 +18,71 @@ def add_parser(subparsers) -> None:
         "flight with its own seed, and compares what the estimator says with the truth. Ends with "
         "1 if a bar is missed. The bars of coverage are meant for 1000 runs.",
     )
-    add_study_options(parser, "flights for each kind of noise; default 1000, some four minutes")
+    add_study_options(parser, "flights for each kind of noise; default 1000, some minutes")
     parser.set_defaults(run=run)
 
 
 def run(args) -> int:
     """Fly, compare, print."""
+    from concurrent.futures import as_completed
+
     from tqdm import tqdm
 
     from ctcbs_ros.orbit import study
+    from ctcbs_ros.worker_pool import worker_pool
 
-    jobs = [*study.NOISES, "entry and departure", *study.SHAPES]
-    accuracies, shapes, turns = {}, {}, None
-    for job in tqdm(jobs, desc="orbit study", disable=None):
-        if job in study.NOISES:
-            accuracies[job] = study.accuracy(study.NOISES[job], args.runs)
-        elif job in study.SHAPES:
-            shapes[job] = study.taken_for_orbits(job, max(args.runs // 50, 5))
-        else:
-            turns = study.entry_and_departure(max(args.runs // 5, 20))
+    calls = {}
+    for name, noise in study.NOISES.items():
+        flights = range(max(args.runs // noise.cost, 20))
+        for first in flights[::_CHUNK]:
+            part = flights[first : first + _CHUNK]
+            calls["accuracy", name, first] = (study.errors, noise, part)
+    for shape in study.SHAPES:
+        calls["shape", shape, 0] = (study.taken_for_orbits, shape, _shape_flights(args.runs))
+    for case in study.CASES:
+        calls["comparison", case, 0] = (study.comparison, case, max(args.runs // 5, 20))
+    calls["turns", "", 0] = (study.entry_and_departure, max(args.runs // 5, 20))
+    results = {}
+    with worker_pool() as pool, tqdm(total=len(calls), desc="orbit study", disable=None) as bar:
+        jobs = {pool.submit(*call): key for key, call in calls.items()}
+        for job in as_completed(jobs):
+            results[jobs[job]] = job.result()
+            bar.update()
+
+    def of(kind):
+        return {name: results[kind, name, 0] for k, name, first in calls if k == kind}
+
+    accuracies = {}
+    for name, noise in study.NOISES.items():
+        parts = [results[key] for key in calls if key[:2] == ("accuracy", name)]
+        accuracies[name] = study.summary(noise, [run for part in parts for run in part])
+    shapes, turns, comparisons = of("shape"), results["turns", "", 0], of("comparison")
     missed = study.missed_bars(accuracies, turns, shapes)
     if args.json:
         print_json({
             "seeds": study.SEEDS,
-            "accuracy": {name: asdict(value) for name, value in accuracies.items()},
+            "accuracy": [{"noise": name, **asdict(value)} for name, value in accuracies.items()],
             "entry_and_departure": asdict(turns),
-            "taken_for_orbits": shapes,
+            "taken_for_orbits": [{"track": name, "share": v} for name, v in shapes.items()],
+            "comparison": [
+                {"method": name, "case": case, **asdict(value)}
+                for case, found in comparisons.items() for name, value in found.items()
+            ],
             "missed_bars": missed,
-        })
+        })  # fmt: skip
     else:
-        print(_text(study, accuracies, turns, shapes, missed))
+        print(_text(study, accuracies, turns, shapes, comparisons, missed))
     return 1 if missed else 0
 
 
-def _text(study, accuracies, turns, shapes, missed) -> str:
+def _shape_flights(runs: int) -> int:
+    return max(runs // 25, 5)
+
+
+def _text(study, accuracies, turns, shapes, comparisons, missed) -> str:
     runs = next(iter(accuracies.values())).runs
     lines = [
-        f"Orbit after three quarters of a turn; {runs} flights, flight k seeded with "
+        f"Orbit after 0.75 turns unless said; {runs} flights, flight k seeded with "
         f"({study.SEEDS['accuracy']}, k)",
         f"{'':42}{'radius':>8}{'bias':>8}{'centre':>9}  inside the stated 95 %, in %",
         f"{'noise':42}{'%':>8}{'%':>8}{'m':>9}{'circle':>8}{'rate':>7}{'phase':>7}{'lost':>6}",
@@ -75,8 +106,21 @@ def _text(study, accuracies, turns, shapes, missed) -> str:
     lines += [
         "",
         f"Tracks that are no orbit: samples at which one is given, in %; "
-        f"{max(runs // 50, 5)} flights, seeded with ({study.SEEDS['taken_for_orbits']}, k)",
+        f"{_shape_flights(runs)} flights, seeded with ({study.SEEDS['taken_for_orbits']}, k)",
     ]
     lines += [f"{name:42}{100.0 * share:8.1f}" for name, share in shapes.items()]
+    for case, found in comparisons.items():
+        lines += [
+            "",
+            f"Methods, white 1.5 m, 0.3 m/s, {case}; "
+            f"{max(runs // 5, 20)} flights, seeded with ({study.SEEDS['comparison']}, k)",
+            f"{'root mean square error':42}{'radius %':>9}{'centre m':>9}{'worst radius %':>15}"
+            f"{'lost':>6}",
+        ]
+        lines += [
+            f"{name:42}{100.0 * c.radius:9.2f}{c.center:9.2f}{100.0 * c.worst:15.2f}"
+            f"{c.lost:6d}"
+            for name, c in found.items()
+        ]
     lines += ["", *(f"MISSED: {bar}" for bar in missed)] if missed else ["", "All bars hold."]
     return "\n".join(lines)

@@ -11,8 +11,8 @@ _TURN = 2.0 * np.pi
 
 @njit(cache=True)
 def refine_circle(
-    points, velocities, position_sigma, velocity_sigma, huber, most_late, circle, radial, along,
-    weight, inverse,
+    points, velocities, age, position_sigma, velocity_sigma, huber, most_late, circle, radial,
+    along, weight, inverse,
 ):
     """Robust geometric fit by Gauss-Newton with Huber's weights.
 
@@ -23,20 +23,23 @@ def refine_circle(
     ----------
     points, velocities : (n, 2) arrays
         Velocities are nan where not known.
+    age : (n,) array
+        Time of each sample less that of the newest [s]; not used of a circle that stands still.
     position_sigma, velocity_sigma : (n,) arrays
         Standard deviations of one axis.
     huber, most_late : float
         Huber's constant; and how many deviations the median velocity may point off the circle's
         tangent before all velocities are believed less.
-    circle : (3,) array
-        East and north of the centre, and radius: the start, overwritten by the fit.
+    circle : (3,) or (5,) array
+        East and north of the centre, and radius; of one that drifts also its centre's velocity,
+        and its centre is that at the newest sample: the start, overwritten by the fit.
     radial : (n,) array, written
         Signed distance of each position from the circle.
     along : (n,) array, written
         Component of each velocity along the radius; nan where not known.
     weight : (2, n) array, written
         Weights of `radial` and `along`: Huber's over the variance.
-    inverse : (3, 3) array, written
+    inverse : (3, 3) or (5, 5) array, written
         Inverse of the normal matrix.
 
     Returns
@@ -46,35 +49,44 @@ def refine_circle(
     converged : bool
         Whether the last step was below 3e-4 radii.
     """
-    normal = np.empty((3, 3))
-    right = np.empty(3)
-    row = np.empty(3)
-    late = _lateness(points, velocities, position_sigma, velocity_sigma, most_late, circle)
+    k = circle.shape[0]
+    normal = np.empty((k, k))
+    right = np.empty(k)
+    row = np.empty(k)
+    drift_east, drift_north = 0.0, 0.0
+    late = 1.0
     for iteration in range(_ITERATIONS):
-        if iteration == 2:
+        if k == 5:
+            drift_east, drift_north = circle[3], circle[4]
+        if iteration == 0 or iteration == 2:
             late = _lateness(
-                points, velocities, position_sigma, velocity_sigma, most_late, circle
+                points, velocities, age, position_sigma, velocity_sigma, most_late, circle
             )
         normal[:] = 0.0
         right[:] = 0.0
         for i in range(points.shape[0]):
-            dx, dy = points[i, 0] - circle[0], points[i, 1] - circle[1]
+            dx = points[i, 0] - circle[0] - drift_east * age[i]
+            dy = points[i, 1] - circle[1] - drift_north * age[i]
             distance = np.hypot(dx, dy)
             if distance < 1e-6:
                 return late, False
             ux, uy = dx / distance, dy / distance
             row[0], row[1], row[2] = -ux, -uy, -1.0
+            if k == 5:
+                row[3], row[4] = -ux * age[i], -uy * age[i]
             sigma = position_sigma[i]
             # Noise along the circle moves a point outwards, by this much on average.
             radial[i] = distance - 0.5 * sigma * min(sigma / distance, 1.0) - circle[2]
             weight[0, i] = _add(normal, right, row, radial[i], sigma, huber)
             along[i], weight[1, i] = np.nan, 0.0
             if np.isfinite(velocities[i, 0]):
-                vx, vy = velocities[i, 0], velocities[i, 1]
+                vx, vy = velocities[i, 0] - drift_east, velocities[i, 1] - drift_north
                 out = vx * ux + vy * uy
                 # d(v.unit)/d center = -(v - (v.unit) unit) / distance
                 row[0], row[1] = -(vx - out * ux) / distance, -(vy - out * uy) / distance
                 row[2] = 0.0
+                if k == 5:
+                    row[3], row[4] = row[0] * age[i] - ux, row[1] * age[i] - uy
                 turned = (vy * ux - vx * uy) * sigma / distance
                 sigma = late * np.hypot(velocity_sigma[i], turned)
                 along[i], weight[1, i] = out, _add(normal, right, row, out, sigma, huber)
@@ -85,6 +97,8 @@ def refine_circle(
         if not (circle[2] > 0.0 and np.isfinite(circle[0]) and np.isfinite(circle[1])):
             return late, False
         size = np.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
+        if k == 5:
+            size += np.hypot(step[3], step[4]) * abs(age[0])
         if iteration > 2 and size < 3e-4 * circle[2]:
             return late, True
     return late, False
@@ -94,24 +108,29 @@ def refine_circle(
 def _add(normal, right, row, residual, sigma, huber):
     """Add one residual to the normal equations; its weight is returned."""
     weight = min(1.0, huber / max(abs(residual / sigma), 1e-12)) / (sigma * sigma)
-    for j in range(3):
+    for j in range(row.shape[0]):
         right[j] -= weight * row[j] * residual
-        for k in range(3):
+        for k in range(row.shape[0]):
             normal[j, k] += weight * row[j] * row[k]
     return weight
 
 
 @njit(cache=True)
-def _lateness(points, velocities, position_sigma, velocity_sigma, most_late, circle):
+def _lateness(points, velocities, age, position_sigma, velocity_sigma, most_late, circle):
     """By how much the velocities' deviations are taken larger than stated; 1 if they are not."""
     off = np.empty(points.shape[0])
     count = 0
+    drift_east, drift_north = 0.0, 0.0
+    if circle.shape[0] == 5:
+        drift_east, drift_north = circle[3], circle[4]
     for i in range(points.shape[0]):
         if np.isfinite(velocities[i, 0]):
-            dx, dy = points[i, 0] - circle[0], points[i, 1] - circle[1]
+            dx = points[i, 0] - circle[0] - drift_east * age[i]
+            dy = points[i, 1] - circle[1] - drift_north * age[i]
             distance = max(np.hypot(dx, dy), 1e-6)
-            out = (velocities[i, 0] * dx + velocities[i, 1] * dy) / distance
-            speed = np.hypot(velocities[i, 0], velocities[i, 1])
+            vx, vy = velocities[i, 0] - drift_east, velocities[i, 1] - drift_north
+            out = (vx * dx + vy * dy) / distance
+            speed = np.hypot(vx, vy)
             turned = speed * position_sigma[i] / distance
             off[count] = abs(out) / np.hypot(velocity_sigma[i], turned)
             count += 1
@@ -137,8 +156,8 @@ def scatter(values):
 
 @njit(cache=True)
 def propagate(
-    points, velocities, time, circle, weight, inverse, operators, position_variance,
-    velocity_variance, correlated_variance, correlation_time, covariance,
+    points, velocities, age, circle, weight, inverse, operators, position_variance,
+    velocity_variance, correlated_sigma, correlation_time, covariance,
 ):
     """Covariance of the circle and of linear functions of the angles about its centre.
 
@@ -149,22 +168,29 @@ def propagate(
     Parameters
     ----------
     points, velocities : (n, 2) arrays
-    time : (n,) array
-        Rising [s].
-    circle, weight, inverse
-        As `refine_circle` left them.
+        Relative to the drift of the circle, if it has one.
+    age : (n,) array
+        Rising [s], zero at the newest sample.
+    circle : (3,) array
+        Centre and radius.
+    weight, inverse
+        As `refine_circle` left them; p is the size of `inverse`.
     operators : (k, n) array
         Takes the angles to k results.
     position_variance, velocity_variance : (n,) arrays
         Of the white error of one axis.
-    correlated_variance, correlation_time : (m,) arrays
-        Of m first-order Gauss-Markov errors of the position of one axis.
-    covariance : (3 + k, 3 + k) array, written
+    correlated_sigma : (m, n) array
+        Standard deviations of m first-order Gauss-Markov errors of the position of one axis.
+    correlation_time : (m,) array
+        [s]
+    covariance : (p + k, p + k) array, written
     """
-    n, k = points.shape[0], 3 + operators.shape[0]
+    n, p = points.shape[0], inverse.shape[0]
+    k = p + operators.shape[0]
     gain = np.zeros((n, k, 2))
     by_velocity = np.zeros((n, k))
-    tangents = np.zeros((k - 3, 2))
+    # What the angles lose by a shift of the centre, and by a drift.
+    tangents = np.zeros((k - p, 4))
     for i in range(n):
         dx, dy = points[i, 0] - circle[0], points[i, 1] - circle[1]
         distance = np.hypot(dx, dy)
@@ -172,24 +198,32 @@ def propagate(
         swept = 0.0
         if weight[1, i] > 0.0:
             swept = (velocities[i, 1] * ux - velocities[i, 0] * uy) / distance
-        for j in range(3):
-            radial = (inverse[j, 0] * ux + inverse[j, 1] * uy + inverse[j, 2]) * weight[0, i]
-            turn = (inverse[j, 1] * ux - inverse[j, 0] * uy) * swept * weight[1, i]
+        for j in range(p):
+            radial = inverse[j, 0] * ux + inverse[j, 1] * uy + inverse[j, 2]
+            turn = (inverse[j, 1] * ux - inverse[j, 0] * uy) * swept
+            if p == 5:
+                out = inverse[j, 3] * ux + inverse[j, 4] * uy
+                radial += age[i] * out
+                turn += out + age[i] * (inverse[j, 4] * ux - inverse[j, 3] * uy) * swept
+            radial *= weight[0, i]
+            turn *= weight[1, i]
             gain[i, j, 0] = radial * ux - turn * swept * uy
             gain[i, j, 1] = radial * uy + turn * swept * ux
             by_velocity[i, j] = turn
-        for j in range(k - 3):
+        for j in range(k - p):
             share = operators[j, i] / distance
-            gain[i, 3 + j, 0], gain[i, 3 + j, 1] = -share * uy, share * ux
-            tangents[j, 0] -= share * uy
-            tangents[j, 1] += share * ux
+            gain[i, p + j, 0], gain[i, p + j, 1] = -share * uy, share * ux
+            for q in range(2):
+                tangents[j, q] += gain[i, p + j, q]
+                tangents[j, 2 + q] += gain[i, p + j, q] * age[i]
     for i in range(n):
-        # Angles about a centre that is off by e change by -(tangent . e) / distance.
-        for j in range(k - 3):
-            te, tn = tangents[j, 0], tangents[j, 1]
-            for axis in range(2):
-                gain[i, 3 + j, axis] -= te * gain[i, 0, axis] + tn * gain[i, 1, axis]
-            by_velocity[i, 3 + j] = -te * by_velocity[i, 0] - tn * by_velocity[i, 1]
+        for j in range(k - p):
+            for q in range(4 if p == 5 else 2):
+                # East and north of the centre, and of the drift behind the radius.
+                moved = q if q < 2 else q + 1
+                for axis in range(2):
+                    gain[i, p + j, axis] -= tangents[j, q] * gain[i, moved, axis]
+                by_velocity[i, p + j] -= tangents[j, q] * by_velocity[i, moved]
     covariance[:] = 0.0
     for i in range(n):
         for j in range(k):
@@ -198,26 +232,30 @@ def propagate(
                 covariance[j, m] += position_variance[i] * (
                     gain[i, j, 0] * gain[i, m, 0] + gain[i, j, 1] * gain[i, m, 1]
                 )
-    for c in range(correlated_variance.shape[0]):
+    for c in range(correlation_time.shape[0]):
         before = np.zeros((k, 2))
         for i in range(n):
             if i > 0:
-                before *= np.exp(-(time[i] - time[i - 1]) / correlation_time[c])
+                before *= np.exp(-(age[i] - age[i - 1]) / correlation_time[c])
+            sigma = correlated_sigma[c, i]
             for j in range(k):
                 for m in range(j + 1):
                     total = 0.0
                     for axis in range(2):
-                        a, b = gain[i, j, axis], gain[i, m, axis]
+                        a, b = sigma * gain[i, j, axis], sigma * gain[i, m, axis]
                         total += a * b + a * before[m, axis] + before[j, axis] * b
-                    covariance[j, m] += correlated_variance[c] * total
-            before += gain[i]
+                    covariance[j, m] += total
+            before += sigma * gain[i]
     for j in range(k):
         for m in range(j):
             covariance[m, j] = covariance[j, m]
 
 
 @njit(cache=True)
-def widening(points, velocities, circle, angle, radial, along, weight):
+def widening(
+    points, velocities, age, circle, drifts, angle, radial, along, weight, correlated_sigma,
+    correlation_time,
+):
     """Change of the radius in a turn and its variance, the circle fitted anew beside it.
 
     Positions and velocities together, since over half a turn positions cannot tell a spiral from
@@ -227,10 +265,21 @@ def widening(points, velocities, circle, angle, radial, along, weight):
     Parameters
     ----------
     points, velocities : (n, 2) arrays
-    circle, radial, along, weight
+        Relative to the drift of the circle, if it has one.
+    age : (n,) array
+        [s], zero at the newest sample.
+    circle : (3,) array
+        Centre and radius.
+    drifts : bool
+        Whether its drift is fitted anew, too.
+    radial, along, weight
         As `refine_circle` left them.
     angle : (n,) array
         Continuous, about the centre [rad].
+    correlated_sigma : (n,) array
+        Standard deviation of the Gauss-Markov error of the position of one axis [m].
+    correlation_time : float
+        [s]
 
     Returns
     -------
@@ -246,7 +295,8 @@ def widening(points, velocities, circle, angle, radial, along, weight):
     for i in range(n):
         count += weight[1, i] > 0.0
     late = 1 if count > n + 4 else 0
-    design = np.zeros((count, 4 + late))
+    drift = 4 + late
+    design = np.zeros((count, drift + (2 if drifts else 0)))
     off, trust = np.empty(count), np.empty(count)
     sense = 1.0 if angle[n - 1] > angle[0] else -1.0
     j = n
@@ -256,6 +306,8 @@ def widening(points, velocities, circle, angle, radial, along, weight):
         ux, uy = dx / distance, dy / distance
         design[i, 0], design[i, 1], design[i, 2] = ux, uy, 1.0
         design[i, 3] = sense * (angle[i] - angle[n - 1]) / _TURN
+        if drifts:
+            design[i, drift], design[i, drift + 1] = ux * age[i], uy * age[i]
         off[i], trust[i] = radial[i], weight[0, i]
         if weight[1, i] > 0.0:
             swept = (velocities[i, 1] * ux - velocities[i, 0] * uy) / distance
@@ -263,6 +315,9 @@ def widening(points, velocities, circle, angle, radial, along, weight):
             design[j, 3] = sense * swept / _TURN
             if late:
                 design[j, 4] = swept * circle[2]
+            if drifts:
+                design[j, drift] = ux - age[i] * swept * uy
+                design[j, drift + 1] = uy + age[i] * swept * ux
             off[j], trust[j] = along[i], weight[1, i]
             j += 1
     k = design.shape[1]
@@ -271,7 +326,32 @@ def widening(points, velocities, circle, angle, radial, along, weight):
     if not determined:
         return 0.0, np.inf, np.inf
     square = squares / (count - k)
-    return solution[3], inverse[3, 3] * max(1.0, square), square
+    # How each position's error moves the change: outwards, and by turning the radius.
+    gain = np.zeros((n, 2))
+    j = n
+    for i in range(n):
+        dx, dy = points[i, 0] - circle[0], points[i, 1] - circle[1]
+        distance = np.hypot(dx, dy)
+        ux, uy = dx / distance, dy / distance
+        out, turn = 0.0, 0.0
+        for m in range(k):
+            out += inverse[3, m] * design[i, m] * trust[i]
+        if weight[1, i] > 0.0:
+            for m in range(k):
+                turn += inverse[3, m] * design[j, m] * trust[j]
+            turn *= (velocities[i, 1] * ux - velocities[i, 0] * uy) / distance
+            j += 1
+        gain[i, 0] = correlated_sigma[i] * (out * ux - turn * uy)
+        gain[i, 1] = correlated_sigma[i] * (out * uy + turn * ux)
+    correlated = 0.0
+    before = np.zeros(2)
+    for i in range(n):
+        if i > 0:
+            before *= np.exp(-(age[i] - age[i - 1]) / correlation_time)
+        for axis in range(2):
+            correlated += gain[i, axis] * (gain[i, axis] + 2.0 * before[axis])
+        before += gain[i]
+    return solution[3], inverse[3, 3] * max(1.0, square) + correlated, square
 
 
 @njit(cache=True)

@@ -2,7 +2,9 @@
 
 Residuals are geometric: each position's distance from the circle and each velocity's component
 along the radius, in units of their standard deviations. Nothing is assumed of the speed along the
-circle, so that a circle held over the ground in wind fits as well as one in still air.
+circle, so that a circle held over the ground in wind fits as well as one in still air. A circle
+that drifts, as one flown at constant bank does with the air, has the velocity of its centre fitted
+beside: positions and velocities are then those relative to it.
 """
 
 from dataclasses import dataclass
@@ -25,23 +27,30 @@ class CircleFit:
     Attributes
     ----------
     center : (2,) ndarray
-        [m]
+        At the newest sample [m].
     radius : float
         [m]
+    drift : (2,) ndarray
+        Velocity of the centre [m/s]; nought of a circle that stands still.
+    points, velocities : (n, 2) ndarray
+        Of the samples, relative to the drift: as if all were flown about `center`.
     radial : (n,) ndarray
         Signed distance of each position from the circle [m], positive outside.
     along : (n,) ndarray
         Component of each velocity along the radius [m/s]; nan where not known.
     weight : (2, n) ndarray
         Of `radial` and `along`: Huber's over the variance.
-    inverse : (3, 3) ndarray
-        Of the normal matrix.
+    inverse : (3, 3) or (5, 5) ndarray
+        Of the normal matrix of centre, radius and, if it is fitted, drift.
     late : float
         What the deviations of the velocities were multiplied by, at least 1.
     """
 
     center: np.ndarray
     radius: float
+    drift: np.ndarray
+    points: np.ndarray
+    velocities: np.ndarray
     radial: np.ndarray
     along: np.ndarray
     weight: np.ndarray
@@ -52,6 +61,11 @@ class CircleFit:
     def circle(self) -> np.ndarray:
         """Centre and radius, (3,) [m]."""
         return np.array([*self.center, self.radius])
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the drift was fitted."""
+        return len(self.inverse) == 5
 
 
 def algebraic_circle(points: np.ndarray) -> tuple[np.ndarray, float] | None:
@@ -90,12 +104,58 @@ def algebraic_circle(points: np.ndarray) -> tuple[np.ndarray, float] | None:
     return center + mean, float(radius)
 
 
+def drifting_start(
+    points: np.ndarray, velocities: np.ndarray, age: np.ndarray
+) -> np.ndarray | None:
+    """Centre, radius and drift of a circle flown at constant rate, by linear least squares.
+
+    With v = d + Omega J (x - c - d t), the velocities are linear in x, t and the constants
+    Omega, Omega J d and d - Omega J c.
+
+    Parameters
+    ----------
+    points, velocities : (n, 2) ndarray
+        [m], [m/s]; nan where not known.
+    age : (n,) ndarray
+        [s], zero at the newest sample.
+
+    Returns
+    -------
+    (5,) ndarray or None
+        None where fewer than six velocities are known, or nothing turns.
+    """
+    known = np.isfinite(velocities[:, 0])
+    if known.sum() < 6:
+        return None
+    x, v, t = points[known], velocities[known], age[known]
+    middle, span = x.mean(axis=0), max(np.ptp(t), 1e-9)
+    x = x - middle
+    size = max(float(np.sqrt(np.mean(x * x))), 1e-9)
+    n = len(x)
+    design = np.zeros((2 * n, 5))
+    design[:n, 0], design[n:, 0] = -x[:, 1] / size, x[:, 0] / size
+    design[:n, 1] = design[n:, 2] = t / span
+    design[:n, 3] = design[n:, 4] = 1.0
+    found, *_ = np.linalg.lstsq(design, v.T.ravel(), rcond=None)
+    rate = found[0] / size
+    if rate == 0.0:
+        return None
+    # J (x, y) = (-y, x): from -Omega J d and d - Omega J c.
+    east, north = -found[2] / span / rate, found[1] / span / rate
+    center = np.array([(found[4] - north) / -rate, (found[3] - east) / rate])
+    offset = x - center - np.outer(t, (east, north))
+    radius = float(np.median(np.hypot(*offset.T)))
+    start = np.array([*(center + middle), radius, east, north])
+    return start if np.isfinite(start).all() else None
+
+
 def fit_circle(
     points: np.ndarray,
     velocities: np.ndarray,
     position_sigma: np.ndarray,
     velocity_sigma: np.ndarray,
-    start: tuple[np.ndarray, float] | None = None,
+    start: tuple | None = None,
+    age: np.ndarray | None = None,
 ) -> CircleFit | None:
     """Robust geometric fit by Gauss-Newton with Huber's weights.
 
@@ -107,26 +167,43 @@ def fit_circle(
         [m/s]; nan where not known.
     position_sigma, velocity_sigma : (n,) ndarray
         Standard deviations of one axis [m], [m/s].
-    start : tuple of center (2,) and radius, optional
-        By default the algebraic fit.
+    start : tuple of center (2,), radius and drift (2,), optional
+        By default the algebraic fit of a circle that stands still, or `drifting_start`. The drift
+        is not used of a circle that stands still.
+    age : (n,) ndarray, optional
+        Time less that of the newest sample [s]: the drift is fitted, too.
 
     Returns
     -------
     CircleFit or None
         None where the fit does not converge.
     """
-    if start is None:
-        start = algebraic_circle(points)
-        if start is None:
-            return None
-    points = np.ascontiguousarray(points)
-    circle = np.array([*start[0], start[1]], float)
+    points, velocities = np.ascontiguousarray(points), np.ascontiguousarray(velocities)
     n = len(points)
-    radial, along, weight, inverse = np.empty(n), np.empty(n), np.empty((2, n)), np.empty((3, 3))
+    size = 3 if age is None else 5
+    age = np.zeros(n) if age is None else np.ascontiguousarray(age)
+    if start is not None:
+        circle = np.hstack(start)[:size].astype(float)
+    elif size == 5:
+        circle = drifting_start(points, velocities, age)
+    else:
+        algebraic = algebraic_circle(points)
+        circle = None if algebraic is None else np.hstack(algebraic)
+    if circle is None:
+        return None
+    radial, along, weight = np.empty(n), np.empty(n), np.empty((2, n))
+    inverse = np.empty((size, size))
     late, converged = refine_circle(
-        points, np.ascontiguousarray(velocities), np.ascontiguousarray(position_sigma),
+        points, velocities, age, np.ascontiguousarray(position_sigma),
         np.ascontiguousarray(velocity_sigma), HUBER, _LATE, circle, radial, along, weight, inverse,
     )
     if not converged:
         return None
-    return CircleFit(circle[:2], float(circle[2]), radial, along, weight, inverse, late)
+    drift = np.zeros(2)
+    if size == 5:
+        drift = circle[3:]
+        points, velocities = points - np.outer(age, drift), velocities - drift
+    return CircleFit(
+        circle[:2], float(circle[2]), drift, points, velocities, radial, along, weight, inverse,
+        late,
+    )

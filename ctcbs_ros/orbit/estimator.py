@@ -2,11 +2,12 @@
 
 The window holds the newest samples over which the course has turned by up to a little more than a
 full turn; the straight flight before a turn, in which the course stands still, falls off its end.
-Where the whole window is not on one circle (a radius just changed) a shorter one is tried.
+Where the whole window is not on one circle (a radius just changed) a shorter one is tried. Once
+enough of a turn is flown to tell, the circle may also drift.
 """
 
 from dataclasses import dataclass
-from math import atan2, hypot, isfinite, nan, pi, sqrt
+from math import atan2, hypot, inf, isfinite, nan, pi, sqrt
 
 import numpy as np
 
@@ -43,11 +44,11 @@ class OrbitSettings:
         before it was flown so far: the loops of a figure of eight, the ends of a racetrack.
     position_sigma, velocity_sigma : float
         Standard deviations of one axis where the source states none [m], [m/s].
-    correlated_sigma : float
-        Standard deviation of one axis of the position's error that is correlated in time [m],
-        beside the white one that sources state.
-    noise_time : float
-        Time in which its correlation falls to 1/e [s] (first-order Gauss-Markov).
+    correlated_share : float
+        Share of the standard deviation of a position, stated or not, that is correlated in time;
+        the rest is white: s^2 = (share s)^2 + (1 - share^2) s^2. Nought is white noise alone.
+    correlation_time : float
+        Time in which that correlation falls to 1/e [s] (first-order Gauss-Markov).
     least_sigma : float
         Smallest standard deviation of a position believed [m]: an autopilot does not hold a circle
         better than this.
@@ -58,6 +59,14 @@ class OrbitSettings:
     trend_share : float
         Largest change of the radius in one turn, over the radius; more is a spiral. It must
         exceed this by two of its standard deviations.
+    drift_arc : float
+        Least angle about the centre for which a drift of the circle is fitted [rad]: over less it
+        is hardly told from another radius, and fitting it would cost the others' accuracy.
+    drift_share : float
+        Drift in one turn, over the radius, below which a circle is taken to stand still.
+    speed_share : float
+        Largest variation (rms) of the speed relative to a drifting centre, over its mean: such a
+        circle is flown in the air that it drifts with.
     minimum_radius, maximum_radius : float
         [m]
     minimum_speed : float
@@ -73,12 +82,15 @@ class OrbitSettings:
     confirming_arc: float = 0.95 * _TURN
     position_sigma: float = 2.0
     velocity_sigma: float = 0.4
-    correlated_sigma: float = 0.0
-    noise_time: float = 45.0
+    correlated_share: float = 0.97
+    correlation_time: float = 45.0
     least_sigma: float = 0.3
     least_velocity_sigma: float = 0.05
     residual_share: float = 0.03
     trend_share: float = 0.08
+    drift_arc: float = 0.7 * _TURN
+    drift_share: float = 0.02
+    speed_share: float = 0.1
     minimum_radius: float = 5.0
     maximum_radius: float = 20e3
     minimum_speed: float = 3.0
@@ -88,7 +100,7 @@ class OrbitSettings:
 
 @dataclass(frozen=True)
 class OrbitFix:
-    """An orbit, or the reason why there is none; `final` if no shorter stretch can be one."""
+    """An orbit, or the reason why there is none; `final` if no part of the stretch can be one."""
 
     orbit: Orbit | None
     reason: str = ""
@@ -96,9 +108,11 @@ class OrbitFix:
 
 
 # Columns of the window.
-_TIME, _E, _N, _U, _VE, _VN, _SP, _SV, _COURSE, _STATED = range(10)
-# Of centre, radius, rate and phase in `Orbit.covariance`.
-_FITTED = np.ix_(*[[0, 1, 3, 4, 5]] * 2)
+_TIME, _E, _N, _U, _VE, _VN, _SP, _SC, _SV, _COURSE, _STATED = range(11)
+# Where centre, radius, drift, rate and phase stand in `Orbit.covariance`.
+_STANDING, _DRIFTING = [0, 1, 3, 4, 5], [0, 1, 3, 7, 8, 4, 5]
+# chi^2 of two components above which a drift is believed: by chance once in a hundred turns.
+_SEEN_DRIFT = 9.21
 # Windows tried in turn, over the whole one.
 _SHARES = (1.0, 0.75, 0.55)
 # Time for which a circle left early makes the next one need more evidence, in turns of it.
@@ -107,6 +121,9 @@ _DOUBTFUL = 2.0
 _REMEMBERED = 0.25
 # Angle by which the course turned the other way, within the time before, for a figure of eight.
 _REVERSED = 0.35 * _TURN
+_UNTOLD = "a drift is not yet told from a spiral"
+# Standard deviations of a change of the radius from which the circle is taken to change.
+_SEEN_CHANGE = 3.5
 # Scatter seen, over that stated or assumed, from which it is believed instead.
 _NOISIER = 1.5
 # Excess of the residuals' variance over the stated one, in its standard deviations, from which
@@ -127,7 +144,7 @@ class OrbitEstimator:
     def __init__(self, settings: OrbitSettings | None = None):
         self._settings = settings or OrbitSettings()
         self._capacity = 4 * self._settings.most_samples
-        self._rows = np.empty((2 * self._capacity, 10))
+        self._rows = np.empty((2 * self._capacity, 11))
         self.reset()
 
     def reset(self) -> None:
@@ -135,6 +152,7 @@ class OrbitEstimator:
         self._first = self._end = 0
         self._rate = nan
         self._last: CircleFit | None = None
+        self._last_time = nan
         # The newest orbit, and until when one left early makes the next need more evidence [s].
         self._orbit: Orbit | None = None
         self._doubtful_until = -np.inf
@@ -178,32 +196,37 @@ class OrbitEstimator:
                 f"{rows[-1, _TIME] - rows[0, _TIME]:.0f} s"
             )
         reason = ""
-        for part in self._candidates(rows, turned):
-            fix = self._fit(part)
+        for part, may_drift in self._candidates(rows, turned):
+            fix = self._fit(part, may_drift)
             if fix.orbit is not None:
                 self._orbit = fix.orbit
                 return fix
             reason = reason or fix.reason
-            if fix.final:
+            if fix.final and len(part) == len(rows):
                 break
         return self._none(reason)
 
     def _candidates(self, rows: np.ndarray, turned: float):
-        """Windows to try: what lies on the circle flown so far, then ever shorter ones."""
+        """Windows to try: what lies on the circle flown so far, then ever shorter ones.
+
+        With each, whether it may drift: a spiral seen for less than it could be looks like that.
+        """
         if self._last is not None:
-            center, radius = self._last.center, self._last.radius
-            off = np.abs(np.hypot(rows[:, _E] - center[0], rows[:, _N] - center[1]) - radius)
-            near = off < np.hypot(4.0 * rows[:, _SP], 0.08 * radius)
+            moved = np.outer(rows[:, _TIME] - self._last_time, self._last.drift)
+            offset = rows[:, _E : _N + 1] - self._last.center - moved
+            off = np.abs(np.hypot(*offset.T) - self._last.radius)
+            radius = self._last.radius
+            near = off < np.hypot(4.0 * np.hypot(rows[:, _SP], rows[:, _SC]), 0.08 * radius)
             # A single glitch does not end the run: three in a row do.
             away = np.flatnonzero(~near[2:] & ~near[1:-1] & ~near[:-2])
             run = rows[away[-1] + 3 :] if away.size else rows
             if 6 <= len(run) < len(rows):
-                yield run
+                yield run, self._last.drifts
         for share in _SHARES:
             part = _newest(rows, share * turned)
             if len(part) < 6:
                 return
-            yield part
+            yield part, share == 1.0
 
     def _least_arc(self, rows: np.ndarray, sense: int) -> float:
         """Angle to be flown before a circle is an orbit, by what was flown before [rad]."""
@@ -245,7 +268,8 @@ class OrbitEstimator:
         row[_E : _U + 1] = position
         row[_VE : _VN + 1] = nan if velocity is None else velocity[:2]
         stated = position_sigma if isfinite(position_sigma) else s.position_sigma
-        row[_SP] = max(stated, s.least_sigma)
+        row[_SC] = s.correlated_share * stated
+        row[_SP] = max(sqrt(1.0 - s.correlated_share**2) * stated, s.least_sigma)
         stated = velocity_sigma if isfinite(velocity_sigma) else s.velocity_sigma
         row[_SV] = max(stated, s.least_velocity_sigma)
         row[_STATED] = isfinite(position_sigma)
@@ -295,43 +319,84 @@ class OrbitEstimator:
         stride = -(-len(rows) // s.most_samples)
         return rows[::-1][::stride][::-1]
 
-    def _fit(self, rows: np.ndarray) -> OrbitFix:
+    def _fit(self, rows: np.ndarray, may_drift: bool) -> OrbitFix:
+        """The orbit of a circle that stands still, or of one that is seen to drift."""
+        standing, fit = self._orbit_of(rows, False)
+        found = standing, fit
+        turned = abs(rows[-1, _COURSE] - rows[0, _COURSE])
+        if may_drift and turned > self._settings.drift_arc:
+            drifting, moving_fit = self._orbit_of(rows, True)
+            if drifting.orbit is not None:
+                if self._is_seen_to_drift(drifting.orbit):
+                    found = drifting, moving_fit
+                elif standing.orbit is not None:
+                    block = slice(7, 9)
+                    standing.orbit.covariance[block, block] = drifting.orbit.covariance[
+                        block, block
+                    ]
+            elif standing.orbit is None and drifting.final and drifting.reason == _UNTOLD:
+                # Neither stands it still: a part of it would only seem to.
+                found = drifting, None
+        if found[0].orbit is not None:
+            self._last, self._last_time = found[1], rows[-1, _TIME]
+            self._rate = found[0].orbit.sense * found[0].orbit.angular_rate
+        return found[0]
+
+    def _is_seen_to_drift(self, orbit: Orbit) -> bool:
+        turn = _TURN / orbit.angular_rate
+        if hypot(*orbit.drift) * turn < self._settings.drift_share * orbit.radius:
+            return False
+        return orbit.drift @ np.linalg.solve(orbit.covariance[7:, 7:], orbit.drift) > _SEEN_DRIFT
+
+    def _orbit_of(self, rows: np.ndarray, drifts: bool) -> tuple[OrbitFix, CircleFit | None]:
         s = self._settings
-        fit, position_sigma, velocity_sigma = self._circle(rows)
+        fit, position_sigma, velocity_sigma = self._circle(rows, drifts)
         if fit is None:
-            return OrbitFix(None, "the track is not a circle")
-        points, _ = _measured(rows)
+            return OrbitFix(None, "the track is not a circle"), None
         time = rows[:, _TIME]
         angle = np.empty(len(rows))
         continuous_angles(
-            points, *fit.center, time, self._rate if isfinite(self._rate) else 0.0, angle
+            fit.points, *fit.center, time, self._rate if isfinite(self._rate) else 0.0, angle
         )
         arc = angle[-1] - angle[0]
         sense = 1 if arc > 0.0 else -1
         arc = abs(arc)
-        sigma = float(np.sqrt(np.mean(position_sigma**2)))
-        objection = self._objection(fit, rows, angle, arc, sense, sigma)
+        # What is stated in all, or the scatter alone where that is more.
+        whole = np.hypot(rows[:, _SP], rows[:, _SC])
+        sigma = float(np.sqrt(np.mean(np.maximum(whole, position_sigma) ** 2)))
+        widened = widening(
+            fit.points, fit.velocities, time - time[-1], fit.circle, fit.drifts, angle, fit.radial,
+            fit.along, fit.weight, np.ascontiguousarray(rows[:, _SC]), s.correlation_time,
+        )
+        objection = self._objection(fit, rows, angle, arc, sense, sigma, widened)
         if objection is not None:
-            return objection
+            return objection, None
         # In wind the rate varies once a turn. Over a whole turn that variation is fitted beside
         # the mean; over less it cannot be told from the mean, and the residuals' scatter says so.
         operators = np.zeros((2, len(rows)))
         rate, excess = mean_rate(
-            time, angle, position_sigma / fit.radius, arc > 0.95 * _TURN, operators[0]
+            time, angle, position_sigma / fit.radius, arc > 0.95 * _TURN and not drifts,
+            operators[0],
         )
         if not rate * sense > 0.0 or abs(rate) * fit.radius < s.minimum_speed:
-            return OrbitFix(None, "the angle about the centre does not advance")
+            return OrbitFix(None, "the angle about the centre does not advance"), None
         phase = _phase(time, angle, position_sigma, abs(rate), operators[1])
-        up, climb, up_variance = _height(time, rows)
-        covariance = np.zeros((6, 6))
-        covariance[_FITTED] = self._covariance(
+        up, climb, height_covariance = _height(time, rows, s.correlation_time)
+        covariance = np.zeros((9, 9))
+        places = _DRIFTING if drifts else _STANDING
+        fitted = self._covariance(
             fit, rows, position_sigma, velocity_sigma, operators, abs(rate), excess
         )
+        covariance[np.ix_(places, places)] = fitted
         covariance[4] *= sense
         covariance[:, 4] *= sense
-        covariance[2, 2] = up_variance + s.correlated_sigma**2
-        self._last = fit
-        self._rate = rate
+        covariance[np.ix_([2, 6], [2, 6])] = height_covariance
+        if not drifts:
+            covariance[7, 7] = covariance[8, 8] = inf
+        change, variance, _ = widened
+        if abs(change) > _SEEN_CHANGE * sqrt(variance):
+            # The window lags a radius that changes, by what it changes in half of it.
+            covariance[3, 3] += (0.5 * change * arc / _TURN) ** 2
         orbit = Orbit(
             time=float(time[-1]),
             start_time=float(time[0]),
@@ -345,30 +410,35 @@ class OrbitEstimator:
             arc=float(arc),
             samples=len(rows),
             covariance=covariance,
+            drift=np.array(fit.drift),
         )
-        return OrbitFix(orbit)
+        return OrbitFix(orbit), fit
 
-    def _circle(self, rows: np.ndarray):
+    def _circle(self, rows: np.ndarray, drifts: bool):
         """The fit, and the standard deviations of positions and velocities it was made with."""
         points, velocities = _measured(rows)
         position_sigma, velocity_sigma = rows[:, _SP], rows[:, _SV]
-        start = None if self._last is None else (self._last.center, self._last.radius)
-        fit = fit_circle(points, velocities, position_sigma, velocity_sigma, start)
+        age = rows[:, _TIME] - rows[-1, _TIME] if drifts else None
+        start = None
+        if self._last is not None and self._last.drifts == drifts:
+            start = (self._last.center, self._last.radius, self._last.drift)
+        fit = fit_circle(points, velocities, position_sigma, velocity_sigma, start, age)
         if fit is None and start is not None:
-            fit = fit_circle(points, velocities, position_sigma, velocity_sigma)
+            fit = fit_circle(points, velocities, position_sigma, velocity_sigma, None, age)
         if fit is None:
             return None, position_sigma, velocity_sigma
         # Noise is seen from sample to sample, whatever the shape of the track.
         seen = scatter(fit.radial) / float(np.mean(position_sigma))
         if seen > _NOISIER:
             position_sigma = position_sigma * seen
-            turned = np.hypot(*velocities.T) * position_sigma / fit.radius
+            turned = np.hypot(*fit.velocities.T) * position_sigma / fit.radius
             noisier = scatter(fit.along) / max(
                 float(np.sqrt(np.nanmean(velocity_sigma**2 + turned**2))), 1e-9
             ) if np.isfinite(velocities[:, 0]).any() else 1.0
             velocity_sigma = velocity_sigma * max(noisier, 1.0)
             again = fit_circle(
-                points, velocities, position_sigma, velocity_sigma, (fit.center, fit.radius)
+                points, velocities, position_sigma, velocity_sigma,
+                (fit.center, fit.radius, fit.drift), age,
             )
             if again is not None:
                 fit = again
@@ -377,20 +447,23 @@ class OrbitEstimator:
     def _covariance(
         self, fit, rows, position_sigma, velocity_sigma, operators, rate, excess
     ) -> np.ndarray:
-        """Of centre, radius, rate and phase, (5, 5)."""
+        """Of centre, radius, drift if it is fitted, rate and phase, (5, 5) or (7, 7)."""
         s = self._settings
-        points, velocities = _measured(rows)
+        velocities = fit.velocities
+        age = rows[:, _TIME] - rows[-1, _TIME]
         position_variance = position_sigma**2
         velocity_variance = (fit.late * velocity_sigma) ** 2
         share = fit.weight[0] * position_variance
         seen = share @ (fit.radial**2 / position_variance)
         seen /= max(share.sum() - 3.0, 1.0) * _HUBER_VARIANCE
-        correlated = [s.correlated_sigma**2]
-        times = [s.noise_time]
+        correlated = [rows[:, _SC]]
+        times = [s.correlation_time]
         off = 0.0
         # Of a slowly varying error, the part that a straight course through it does not follow.
-        duration = rows[-1, _TIME] - rows[0, _TIME]
-        varying = s.correlated_sigma**2 * min(1.0, duration / (6.0 * s.noise_time))
+        duration = -float(age[0])
+        varying = float(np.mean(rows[:, _SC] ** 2)) * min(
+            1.0, duration / (6.0 * s.correlation_time)
+        )
         expected = 1.0 + varying / float(np.mean(position_variance))
         if not rows[:, _STATED].any():
             # Nobody states the errors: they are what the residuals show.
@@ -407,29 +480,48 @@ class OrbitEstimator:
         elif seen > expected + _EXCESS * sqrt(2.0 / len(rows)):
             off = (seen - expected) * float(np.mean(position_variance))
         if off > 0.0:
-            correlated.append(off)
+            correlated.append(np.full(len(rows), sqrt(off)))
             times.append(_EXCESS_TURN * _TURN / rate)
-        covariance = np.empty((5, 5))
+        rate_at = len(fit.inverse)
+        covariance = np.empty((rate_at + 2, rate_at + 2))
         propagate(
-            points, velocities, np.ascontiguousarray(rows[:, _TIME]), fit.circle, fit.weight,
-            fit.inverse, operators, position_variance, velocity_variance, np.array(correlated),
-            np.array(times), covariance,
+            fit.points, velocities, age, fit.circle, fit.weight, fit.inverse, operators,
+            position_variance, velocity_variance, np.array(correlated), np.array(times),
+            covariance,
         )
         covariance *= _HUBER_COST
         more = sqrt(max(1.0, excess - expected + 1.0))
-        covariance[3] *= more
-        covariance[:, 3] *= more
+        covariance[rate_at] *= more
+        covariance[:, rate_at] *= more
         return covariance
 
-    def _objection(self, fit: CircleFit, rows, angle, arc, sense, sigma) -> OrbitFix | None:
+    def _objection(
+        self, fit: CircleFit, rows, angle, arc, sense, sigma, widened
+    ) -> OrbitFix | None:
         """Why a fitted circle is not the orbit flown; None if it is."""
         s = self._settings
         if not s.minimum_radius <= fit.radius <= s.maximum_radius:
             return OrbitFix(None, f"a radius of {fit.radius:.0f} m is no orbit")
-        if arc < self._least_arc(rows, sense):
+        if arc < (s.drift_arc if fit.drifts else self._least_arc(rows, sense)):
             return OrbitFix(None, f"only {np.degrees(arc):.0f} deg of a circle so far")
+        if fit.drifts:
+            speed = np.hypot(*fit.velocities[np.isfinite(fit.velocities[:, 0])].T)
+            if len(speed) < 6 or np.std(speed) > hypot(
+                s.speed_share * np.mean(speed), 2.0 * float(np.mean(rows[:, _SV]))
+            ):
+                return OrbitFix(None, "the speed about the drifting centre varies")
+        change, variance, clean = widened
+        if fit.drifts and 2.0 * sqrt(variance) > s.trend_share * fit.radius:
+            return OrbitFix(None, _UNTOLD, final=clean < _CLEAN)
+        # A spiral looks much like a drift: of a circle that drifts the radius has to stand still.
+        share = s.drift_share if fit.drifts else s.trend_share
+        # Over a whole turn it shows for what it is; over half a turn noise makes some of each.
+        deviations = 1.0 if arc > 0.95 * _TURN else 2.0
+        if abs(change) > share * fit.radius + deviations * sqrt(variance):
+            spiral = f"a spiral: the radius changes by {change:+.0f} m a turn"
+            return OrbitFix(None, spiral, final=clean < _CLEAN)
         allowed = hypot(2.0 * sigma, s.residual_share * fit.radius)
-        rms = float(np.sqrt(np.mean(np.minimum(np.abs(fit.radial), 10.0 * allowed) ** 2)))
+        rms = float(np.sqrt(np.mean(np.minimum(np.abs(fit.radial), 3.0 * allowed) ** 2)))
         if rms > allowed:
             return OrbitFix(
                 None, f"the track is {rms:.1f} m (rms) off the best circle of {fit.radius:.0f} m"
@@ -438,15 +530,6 @@ class OrbitEstimator:
         off, count = newest_offset(fit.radial, angle, 0.08 * _TURN)
         if abs(off) > max(3.0 * sigma / sqrt(count), 1.0) + s.residual_share * fit.radius:
             return OrbitFix(None, f"the aircraft is {abs(off):.1f} m off the circle flown so far")
-        points, velocities = _measured(rows)
-        change, variance, clean = widening(
-            points, velocities, fit.circle, angle, fit.radial, fit.along, fit.weight
-        )
-        held = 1.0 - np.exp(-(rows[-1, _TIME] - rows[0, _TIME]) / s.noise_time)
-        variance += 2.0 * held * (s.correlated_sigma * _TURN / arc) ** 2
-        if abs(change) > s.trend_share * fit.radius + 2.0 * sqrt(variance):
-            spiral = f"a spiral: the radius changes by {change:+.0f} m a turn"
-            return OrbitFix(None, spiral, final=clean < _CLEAN)
         quiet = 3.0 * sqrt(2.0) * sigma / fit.radius
         back, newest, broken = progress(
             fit.radial, angle, rows[:, _TIME], sense, arc, 5.0 * allowed, quiet
@@ -473,7 +556,7 @@ def _phase(time, angle, sigma, rate, operator) -> float:
 
     operator : (n,) array of nought, written: takes the angles to the phase
     """
-    newest = time > time[-1] - 0.12 * _TURN / rate
+    newest = time > time[-1] - 0.08 * _TURN / rate
     newest[-3:] = True
     t, weight = time[newest] - time[-1], 1.0 / sigma[newest] ** 2
     weight = weight / weight.sum()
@@ -483,8 +566,16 @@ def _phase(time, angle, sigma, rate, operator) -> float:
     return float(operator @ angle)
 
 
-def _height(time, rows) -> tuple[float, float, float]:
-    """Height at the newest sample [m], climb rate [m/s] and the variance of the height."""
-    up, climb, spread, _, squares = line(time - time[-1], rows[:, _U], np.ones(len(rows)))
-    variance = max(squares / max(len(rows) - 2, 1), rows[-1, _SP] ** 2)
-    return up, climb, variance * spread
+def _height(time, rows, correlation_time) -> tuple[float, float, np.ndarray]:
+    """Height at the newest sample [m], climb rate [m/s] and their covariance (2, 2)."""
+    age = time - time[-1]
+    n = len(age)
+    up, climb, _, _, squares = line(age, rows[:, _U], np.ones(n))
+    off = age - age.mean()
+    by_sample = off / max(off @ off, 1e-12)
+    gain = np.vstack([1.0 / n - age.mean() * by_sample, by_sample])
+    white = max(squares / max(n - 2, 1), float(np.mean(rows[:, _SP] ** 2)))
+    # An error that varies as slowly as a climb moves the height whole.
+    held = np.exp(-(np.abs(age[:, None] - age)) / correlation_time)
+    correlated = gain * rows[:, _SC]
+    return up, climb, white * gain @ gain.T + correlated @ held @ correlated.T

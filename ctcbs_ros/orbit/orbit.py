@@ -1,11 +1,14 @@
 """The orbit: what the estimator makes of the samples and the predictor takes in."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 # Order of the rows and columns of `Orbit.covariance`.
-ORBIT_STATE = ("east", "north", "up", "radius", "angular_rate", "phase")
+ORBIT_STATE = (
+    "east", "north", "up", "radius", "angular_rate", "phase", "climb_rate", "drift_east",
+    "drift_north",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -19,11 +22,11 @@ class Orbit:
     start_time : float
         Vehicle clock [s] of the oldest sample in the fit.
     center : (3,) ndarray
-        East, north, up of the circle's centre [m]; up is the tow point's height at `time`.
+        East, north, up of the circle's centre at `time` [m]; up is the tow point's height.
     radius : float
         Tow radius a [m].
     angular_rate : float
-        Mean angular rate Omega [rad/s], positive; `sense` carries the direction.
+        Mean angular rate Omega about the centre [rad/s], positive; `sense` carries the direction.
     sense : int
         +1 anticlockwise seen from above (ENU angle rising), -1 clockwise.
     phase : float
@@ -36,8 +39,12 @@ class Orbit:
         Angle covered by the samples of the fit [rad], positive.
     samples : int
         Number of samples in the fit.
-    covariance : (6, 6) ndarray
-        Covariance of (east, north, up, radius, angular_rate, phase) in SI units.
+    covariance : (9, 9) ndarray
+        Covariance of what `ORBIT_STATE` names, in SI units. Of a centre that was not seen to
+        drift, that of its drift is how well the samples tell, infinite where they do not.
+    drift : (2,) ndarray
+        Velocity of the centre over the ground, east, north [m/s]: nought unless it was seen to
+        drift, as it does with the air at constant bank.
     """
 
     time: float
@@ -52,8 +59,9 @@ class Orbit:
     arc: float
     samples: int
     covariance: np.ndarray
+    drift: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     @property
     def speed(self) -> float:
-        """Mean ground speed along the circle [m/s]."""
+        """Mean speed along the circle [m/s]: over the ground, but for a drift of the centre."""
         return self.radius * self.angular_rate

@@ -4,7 +4,7 @@ from math import cos, erfc, inf, pi, sin, sqrt
 
 import numpy as np
 
-from ctcbs_ros.orbit.orbit import ORBIT_STATE, Orbit
+from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.scaling import FlightPoint
 from ctcbs_ros.solver.family import ANGULAR_RATE, Family
@@ -119,7 +119,8 @@ def pose_covariance(
     c, s = cos(azimuth), sin(azimuth)
     radius = x_d * a
 
-    jacobian = np.zeros((4, len(ORBIT_STATE)))
+    # By east, north, up, radius, rate and phase: climb and drift move nothing at this time.
+    jacobian = np.zeros((4, 6))
     jacobian[0, 0] = jacobian[1, 1] = jacobian[2, 2] = 1.0
     for column, (d_radius, d_depth, d_lag) in ((3, by_radius), (4, by_rate)):
         d_azimuth = -orbit.sense * d_lag
@@ -132,7 +133,7 @@ def pose_covariance(
     jacobian[:, 5] = (-radius * s, radius * c, 0.0, 1.0)
     covariance = _UNKNOWN.copy()
     with np.errstate(all="ignore"):
-        known = jacobian @ orbit.covariance @ jacobian.T
+        known = jacobian @ orbit.covariance[:6, :6] @ jacobian.T
         if landed is not None:
             off = np.empty(4)
             off[:3] = end_mass_position(orbit, point, landed)

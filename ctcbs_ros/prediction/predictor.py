@@ -4,7 +4,7 @@ Each sample goes down the one way of docs/architecture.md: screened, placed in t
 fitted to an orbit, scaled, solved on the tracked branch, described in SI units with its warnings.
 """
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from math import isfinite, nan, radians
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from ctcbs_ros.configuration import Configuration, WarningLimits
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.geodesy import Datum, point_to_geodetic, to_geodetic
-from ctcbs_ros.orbit.estimator import OrbitEstimator
+from ctcbs_ros.orbit.estimator import OrbitEstimator, OrbitSettings
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.wind import WindEstimator
 from ctcbs_ros.prediction.branch import Tracked
@@ -67,7 +67,7 @@ class Predictor:
         self._screen = Screen()
         self._frame = LocalFrame()
         self._continuity = Continuity()
-        self._estimator = OrbitEstimator()
+        self._estimator = OrbitEstimator(OrbitSettings(**asdict(configuration.receiver)))
         self._wind_of_turn = WindEstimator()
         self._wind = WindChoice(user_wind(configuration.wind))
         self._history = History()
