@@ -55,7 +55,7 @@ def test_simulated_correlated_noise_has_its_deviation_and_correlation_time():
 
 
 def test_missed_bars_are_told():
-    bad = study.Accuracy(1000, 100, 0.2, 0.0, 5.0, {"circle": 0.5})
+    bad = study.Accuracy(1000, 100, 0.2, 0.0, 5.0, covered={"circle": 0.5})
     turns = study.Turns(10, [0.6] * 3, [0.4] * 3, 0.1, 0.1)
     missed = study.missed_bars({"white 1.5 m, 0.3 m/s": bad}, turns, {"straight leg": 0.2})
     assert len(missed) == 8
