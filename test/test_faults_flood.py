@@ -76,7 +76,7 @@ def assert_counted(told, sent):
 
 
 def test_flood_is_answered_through_and_every_drop_is_counted(drone_table, tmp_path):
-    told, sent, answers, _ = flooded(tmp_path, drone_table, 2.0)
+    told, sent, answers, _ = flooded(tmp_path, drone_table, 1.0)
     assert sent > CAPACITY
     assert answers > 0
     assert_counted(told, sent)

