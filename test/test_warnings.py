@@ -47,6 +47,11 @@ def calm():
 
 
 @pytest.fixture(scope="module")
+def orbit(calm):
+    return next(p.orbit for p in reversed(calm) if p.valid)
+
+
+@pytest.fixture(scope="module")
 def end_mass(calm):
     return [p for p in calm if p.valid][-1].end_mass
 
@@ -241,25 +246,39 @@ def test_wind_is_told_from_the_ground_speed(speed, windy):
     assert all("m/s from 180 deg" in text and "by the flight" in text for text in texts)
 
 
-def test_samples_with_wind_are_counted_apart_from_those_where_it_is_not_known(calm):
+def test_samples_with_wind_are_counted_apart_from_those_where_it_is_not_known(calm, orbit):
     windy = Tally()
     for prediction in calm[:10]:
         for east in (nan, 0.2, 4.0, 6.0):
             wind = Wind(np.array([east, 0.0]), 0.01 * np.eye(2), WindSource.FLIGHT)
-            told = wind_warnings(wind if east > 0.0 else None, 20.0)
+            told = wind_warnings(wind if east > 0.0 else None, orbit)
             windy.add(replace(prediction, warnings=tuple(told)))
     assert windy.as_dict()["warnings"] == {"WIND_UNMODELLED": 30}
     assert windy.as_dict()["wind_seen"] == 20
 
 
-def test_a_wind_that_is_hardly_known_is_told():
+def test_a_circle_that_drifts_with_the_air_is_in_still_air(orbit):
+    flight, wind = orbiting(turns=2.0), np.array([-3.0, 4.0])
+    flight.position[:, :2] += np.outer(flight.time, wind)
+    flight.velocity[:, :2] += wind
+    flown = [p for p in predict(samples_of(flight)) if p.valid and p.orbit.drift.any()]
+    assert len(flown) > 30
+    assert WarningCode.WIND_UNMODELLED not in codes(*flown)
+    # Half that drift is half the wind past the circle.
+    air = Wind(wind, 0.01 * np.eye(2), WindSource.FLIGHT)
+    (warning,) = wind_warnings(air, replace(orbit, drift=0.5 * wind))
+    assert "wind 5.0 m/s from 143 deg" in warning.text
+    assert "2.5 m/s past a drifting circle" in warning.text
+
+
+def test_a_wind_that_is_hardly_known_is_told(orbit):
     unsure = Wind(np.array([0.2, 0.0]), 9.0 * np.eye(2), WindSource.PARAMETER)
-    (warning,) = wind_warnings(unsure, 20.0)
+    (warning,) = wind_warnings(unsure, orbit)
     assert "+- 3.0 m/s (by parameters)" in warning.text
 
 
-def test_wind_is_said_to_be_unknown_until_it_can_be_seen():
-    (warning,) = wind_warnings(None, 20.0)
+def test_wind_is_said_to_be_unknown_until_it_can_be_seen(orbit):
+    (warning,) = wind_warnings(None, orbit)
     assert warning.text == WIND_NOT_KNOWN
     flown = [p for p in predict(samples_of(FLIGHT, velocities=False)) if p.valid]
     assert all(WarningCode.WIND_UNMODELLED in codes(p) for p in flown)

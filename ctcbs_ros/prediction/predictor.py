@@ -207,7 +207,7 @@ class Predictor:
         density = self._air_density(local, sample.air_density)
         warnings += envelope_warnings(orbit, self._configuration.envelope)
         self._wind.shown(self._wind_of_turn.estimate(orbit))
-        warnings += wind_warnings(self._wind.at(orbit.time), orbit.speed)
+        warnings += wind_warnings(self._wind.at(orbit.time), orbit)
         try:
             point = self._point(orbit.radius, orbit.speed, density)
         except InputError as error:

@@ -1,6 +1,6 @@
 """When each warning is due, and what it says: one line an engineer can act on."""
 
-from math import inf, isfinite, nan
+from math import hypot, inf, isfinite, nan
 
 from ctcbs_ros.configuration import Cable, Envelope, WarningLimits
 from ctcbs_ros.orbit.orbit import Orbit
@@ -12,8 +12,8 @@ from ctcbs_ros.prediction.wind_choice import described
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
 WIND_NOT_KNOWN = "wind is not known; the prediction is for still air"
-# Wind over the mean ground speed from which the prediction for still air is not to be used, and
-# its standard deviation from which one cannot tell.
+# Speed of the air past the circle, over that along it, from which the prediction for still air is
+# not to be used, and the wind's standard deviation from which one cannot tell.
 _WINDY = 0.05
 _UNSURE = 0.1
 # Standard deviations of the orbit to a fold below which it may have been passed.
@@ -82,22 +82,20 @@ def envelope_warnings(orbit: Orbit, envelope: Envelope) -> list[Warning]:
     return found
 
 
-def wind_warnings(wind: Wind | None, speed: float) -> list[Warning]:
-    """WIND_UNMODELLED where there is wind, or nobody knows whether there is.
+def wind_warnings(wind: Wind | None, orbit: Orbit) -> list[Warning]:
+    """WIND_UNMODELLED where the air moves past the circle, or nobody knows whether it does.
 
-    Parameters
-    ----------
-    wind : Wind or None
-    speed : float
-        Mean ground speed along the circle [m/s].
+    A circle that drifts with the air is one in still air to the aircraft and what it tows.
     """
     if wind is None:
         return [_warn(WarningCode.WIND_UNMODELLED, WIND_NOT_KNOWN)]
-    if wind.speed > _WINDY * speed or wind.sigma > _UNSURE * speed:
+    past = hypot(*(wind.velocity - orbit.drift))
+    if past > _WINDY * orbit.speed or wind.sigma > _UNSURE * orbit.speed:
         by = f"by {_SOURCES[wind.source]}" + (f": {wind.note}" if wind.note else "")
+        circle = f", {past:.1f} m/s past a drifting circle" if orbit.drift.any() else ""
         text = (
-            f"wind {described(wind)}, +- {wind.sigma:.1f} m/s ({by}); the prediction is for still "
-            "air"
+            f"wind {described(wind)}, +- {wind.sigma:.1f} m/s ({by}){circle}; the prediction is "
+            "for still air"
         )
         return [_warn(WarningCode.WIND_UNMODELLED, text)]
     return []
