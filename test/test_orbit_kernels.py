@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
-from ctcbs_ros.kernels.circle import (
-    continuous_angles,
-    mean_rate,
-    newest_offset,
-    progress,
-    propagate,
-    scatter,
-    widening,
-)
+from ctcbs_ros.kernels.circle import scatter
+from ctcbs_ros.kernels.circle_angles import continuous_angles, mean_rate, newest_offset, progress
+from ctcbs_ros.kernels.circle_covariance import propagate
+from ctcbs_ros.kernels.circle_trend import widening
 from ctcbs_ros.kernels.regression import invert_normal, least_squares, line
 from ctcbs_ros.orbit.circle_fit import HUBER, drifting_start, fit_circle
 

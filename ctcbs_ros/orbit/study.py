@@ -10,7 +10,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from ctcbs_ros.orbit.alternatives import METHODS
-from ctcbs_ros.orbit.estimator import OrbitEstimator, OrbitSettings
+from ctcbs_ros.orbit.estimator import OrbitEstimator
+from ctcbs_ros.orbit.settings import OrbitSettings
 from ctcbs_ros.orbit.tracks import (
     TURN,
     arc,

@@ -12,8 +12,9 @@ import numpy as np
 from ctcbs_ros.configuration import Configuration, WarningLimits
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.geodesy import Datum, point_to_geodetic, to_geodetic
-from ctcbs_ros.orbit.estimator import OrbitEstimator, OrbitSettings
+from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.orbit.settings import OrbitSettings
 from ctcbs_ros.orbit.wind import WindEstimator
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Warning

@@ -1,0 +1,125 @@
+"""Why a circle that was fitted is not the orbit flown: spiral, turn just left, broken track."""
+
+from dataclasses import dataclass
+from math import hypot, sqrt
+
+import numpy as np
+
+from ctcbs_ros.kernels.circle_angles import newest_offset, progress
+from ctcbs_ros.orbit.circle_fit import CircleFit
+from ctcbs_ros.orbit.settings import TURN, OrbitSettings
+from ctcbs_ros.orbit.window import Samples
+
+# Mean square of the residuals beside a spiral, in those expected, below which it is just that.
+_CLEAN = 2.0
+
+
+@dataclass(frozen=True)
+class Objection:
+    """What speaks against a circle.
+
+    Attributes
+    ----------
+    reason : str
+    final : bool
+        No part of the samples can be an orbit: a part would only seem to.
+    untold : bool
+        A drift cannot be told from a spiral yet.
+    """
+
+    reason: str
+    final: bool = False
+    untold: bool = False
+
+
+def objection(
+    fit: CircleFit,
+    samples: Samples,
+    angle: np.ndarray,
+    least_arc: float,
+    sigma: float,
+    widened: tuple[float, float, float],
+    settings: OrbitSettings,
+) -> Objection | None:
+    """Why a fitted circle is not the orbit flown; None if it is.
+
+    Parameters
+    ----------
+    fit : CircleFit
+    samples : Samples
+    angle : (n,) ndarray
+        About the centre, continuous [rad].
+    least_arc : float
+        To be flown before a circle that stands still is an orbit [rad].
+    sigma : float
+        Standard deviation of a position [m].
+    widened : (float, float, float)
+        Of `kernels.circle_trend.widening`.
+    settings : OrbitSettings
+    """
+    arc = abs(angle[-1] - angle[0])
+    if not settings.minimum_radius <= fit.radius <= settings.maximum_radius:
+        return Objection(f"a radius of {fit.radius:.0f} m is no orbit")
+    if arc < (settings.drift_arc if fit.drifts else least_arc):
+        return Objection(f"only {np.degrees(arc):.0f} deg of a circle so far")
+    return (
+        (_speed_varies(fit, samples, settings) if fit.drifts else None)
+        or _changes(fit, arc, widened, settings)
+        or _off_the_circle(fit, angle, sigma, settings)
+        or _goes_back(fit, samples, angle, sigma, settings)
+    )
+
+
+def _speed_varies(fit, samples, settings) -> Objection | None:
+    speed = np.hypot(*fit.velocities[np.isfinite(fit.velocities[:, 0])].T)
+    noise = 2.0 * float(np.mean(samples.velocity_sigma))
+    if len(speed) < 6 or np.std(speed) > hypot(settings.speed_share * np.mean(speed), noise):
+        return Objection("the speed about the drifting centre varies")
+    return None
+
+
+def _changes(fit, arc, widened, settings) -> Objection | None:
+    """The radius changes, or may change."""
+    change, variance, square = widened
+    final = square < _CLEAN
+    if fit.drifts and 2.0 * sqrt(variance) > settings.trend_share * fit.radius:
+        return Objection("a drift is not yet told from a spiral", final, untold=True)
+    # A spiral looks much like a drift: of a circle that drifts the radius has to stand still.
+    share = settings.drift_share if fit.drifts else settings.trend_share
+    # Over a whole turn it shows for what it is; over half a turn noise makes some of each.
+    deviations = 1.0 if arc > 0.95 * TURN else 2.0
+    if abs(change) > share * fit.radius + deviations * sqrt(variance):
+        return Objection(f"a spiral: the radius changes by {change:+.0f} m a turn", final)
+    return None
+
+
+def _off_the_circle(fit, angle, sigma, settings) -> Objection | None:
+    allowed = _allowed(fit, sigma, settings)
+    rms = float(np.sqrt(np.mean(np.minimum(np.abs(fit.radial), 3.0 * allowed) ** 2)))
+    if rms > allowed:
+        return Objection(
+            f"the track is {rms:.1f} m (rms) off the best circle of {fit.radius:.0f} m"
+        )
+    # The newest eighth of a turn must be on the circle: the aircraft may just be leaving it.
+    off, count = newest_offset(fit.radial, angle, 0.08 * TURN)
+    if abs(off) > max(3.0 * sigma / sqrt(count), 1.0) + settings.residual_share * fit.radius:
+        return Objection(f"the aircraft is {abs(off):.1f} m off the circle flown so far")
+    return None
+
+
+def _goes_back(fit, samples, angle, sigma, settings) -> Objection | None:
+    turned = angle[-1] - angle[0]
+    quiet = 3.0 * sqrt(2.0) * sigma / fit.radius
+    back, newest, broken = progress(
+        fit.radial, angle, samples.time, 1 if turned > 0.0 else -1, abs(turned),
+        5.0 * _allowed(fit, sigma, settings), quiet,
+    )
+    # Over the newest steps together, noise does not hide which way the aircraft turns.
+    if back > 0.1 or newest < -quiet:
+        return Objection("the sense of rotation changes")
+    return Objection("the track is broken") if broken else None
+
+
+def _allowed(fit, sigma, settings) -> float:
+    """Root mean square distance from the circle that is allowed [m]."""
+    return hypot(2.0 * sigma, settings.residual_share * fit.radius)
