@@ -209,3 +209,15 @@ def test_recorded_circle_in_real_wind_is_found():
     assert any(
         o.sense == -1 and abs(o.radius - 68.0) < 4.0 and abs(o.turns - 1.4) < 0.35 for o in orbits
     )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_small_circle_once_seen_to_drift_is_not_lost_again_to_noise(seed):
+    wind = 5.0 * np.array([np.cos(seed), np.sin(seed)])
+    flight = entry(41.0, 2.5, 22.0, seed)
+    flight.position[:, :2] += np.outer(flight.time, wind)
+    flight.velocity[:, :2] += wind
+    orbits = [fix.orbit for fix in estimate(flight)]
+    late = [o for o, angle in zip(orbits, flight.angle, strict=True) if angle > 1.3 * TURN]
+    assert len(late) > 60
+    assert all(o is not None and o.radius == pytest.approx(41.0, rel=0.03) for o in late)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ctcbs_ros.cli.main import main
-from ctcbs_ros.orbit import study
+from ctcbs_ros.orbit import study, study_comparison
+from ctcbs_ros.orbit.settings import OrbitSettings
 from ctcbs_ros.orbit.tracks import correlated_noise
 
 
@@ -23,7 +24,7 @@ def test_without_its_noise_model_a_correlated_error_would_be_understated():
     told = study.accuracy(noise, 60).covered["circle"]
 
     class Untold(study.Noise):
-        settings = study.OrbitSettings(correlated_share=0.0)
+        settings = OrbitSettings(correlated_share=0.0)
 
     untold = study.accuracy(Untold(0.5, 0.3, correlated=2.0), 60).covered["circle"]
     assert told > 0.85
@@ -70,7 +71,7 @@ def test_the_command_prints_its_seeds_and_every_figure(capsys, monkeypatch):
     assert report["seeds"] == study.SEEDS
     assert [row["noise"] for row in report["accuracy"]] == list(study.NOISES)
     assert [row["track"] for row in report["taken_for_orbits"]] == list(study.SHAPES)
-    assert {row["case"] for row in report["comparison"]} == set(study.CASES)
+    assert {row["case"] for row in report["comparison"]} == set(study_comparison.CASES)
     assert code == (1 if report["missed_bars"] else 0)
 
 

@@ -28,7 +28,7 @@ def run(args) -> int:
 
     from tqdm import tqdm
 
-    from ctcbs_ros.orbit import study
+    from ctcbs_ros.orbit import study, study_comparison
     from ctcbs_ros.worker_pool import worker_pool
 
     calls = {}
@@ -39,8 +39,8 @@ def run(args) -> int:
             calls["accuracy", name, first] = (study.errors, noise, part)
     for shape in study.SHAPES:
         calls["shape", shape, 0] = (study.taken_for_orbits, shape, _shape_flights(args.runs))
-    for case in study.CASES:
-        calls["comparison", case, 0] = (study.comparison, case, max(args.runs // 5, 20))
+    for case in study_comparison.CASES:
+        calls["comparison", case, 0] = (study_comparison.comparison, case, max(args.runs // 5, 20))
     calls["turns", "", 0] = (study.entry_and_departure, max(args.runs // 5, 20))
     results = {}
     with worker_pool() as pool, tqdm(total=len(calls), desc="orbit study", disable=None) as bar:

@@ -197,7 +197,8 @@ class OrbitEstimator:
     def _orbit_of(self, samples: Samples, drifts: bool) -> _Found | Objection:
         s = self._settings
         start = None
-        if self._last is not None and self._last.drifts == drifts:
+        flown = self._last is not None and self._last.drifts == drifts
+        if flown:
             start = (self._last.center, self._last.radius, self._last.drift)
         fit, position_sigma, velocity_sigma = fit_by_scatter(samples, start, drifts)
         if fit is None:
@@ -215,7 +216,7 @@ class OrbitEstimator:
             fit.along, fit.weight, samples.correlated_sigma, s.correlation_time,
         )
         least_arc = self._least_arc(samples, sense)
-        against = objection(fit, samples, angle, least_arc, sigma, widened, s)
+        against = objection(fit, samples, angle, least_arc, sigma, widened, flown, s)
         if against is not None:
             return against
         # In wind the rate varies once a turn. Over a whole turn that variation is fitted beside

@@ -12,6 +12,9 @@ from ctcbs_ros.orbit.window import Samples
 
 # Mean square of the residuals beside a spiral, in those expected, below which it is just that.
 _CLEAN = 2.0
+# Standard deviations of a change of the radius within `trend_share`, for a drift to be told from a
+# spiral: one of 20 % a turn is then taken for a drift once in two hundred.
+_TOLD = 1.6
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,7 @@ def objection(
     least_arc: float,
     sigma: float,
     widened: tuple[float, float, float],
+    flown: bool,
     settings: OrbitSettings,
 ) -> Objection | None:
     """Why a fitted circle is not the orbit flown; None if it is.
@@ -55,6 +59,8 @@ def objection(
         Standard deviation of a position [m].
     widened : (float, float, float)
         Of `kernels.circle_trend.widening`.
+    flown : bool
+        Whether the orbit of the sample before was such a circle, drifting or not.
     settings : OrbitSettings
     """
     arc = abs(angle[-1] - angle[0])
@@ -64,7 +70,7 @@ def objection(
         return Objection(f"only {np.degrees(arc):.0f} deg of a circle so far")
     return (
         (_speed_varies(fit, samples, settings) if fit.drifts else None)
-        or _changes(fit, arc, widened, settings)
+        or _changes(fit, arc, widened, flown, settings)
         or _off_the_circle(fit, angle, sigma, settings)
         or _goes_back(fit, samples, angle, sigma, settings)
     )
@@ -78,16 +84,18 @@ def _speed_varies(fit, samples, settings) -> Objection | None:
     return None
 
 
-def _changes(fit, arc, widened, settings) -> Objection | None:
+def _changes(fit, arc, widened, flown, settings) -> Objection | None:
     """The radius changes, or may change."""
     change, variance, square = widened
     final = square < _CLEAN
-    if fit.drifts and 2.0 * sqrt(variance) > settings.trend_share * fit.radius:
+    # A spiral looks much like a drift: a circle is believed to drift only once its radius is known
+    # to stand still. From then on noise does not take that back, only a change that is seen.
+    in_doubt = fit.drifts and not flown
+    if in_doubt and _TOLD * sqrt(variance) > settings.trend_share * fit.radius:
         return Objection("a drift is not yet told from a spiral", final, untold=True)
-    # A spiral looks much like a drift: of a circle that drifts the radius has to stand still.
-    share = settings.drift_share if fit.drifts else settings.trend_share
+    share = settings.drift_share if in_doubt else settings.trend_share
     # Over a whole turn it shows for what it is; over half a turn noise makes some of each.
-    deviations = 1.0 if arc > 0.95 * TURN else 2.0
+    deviations = 1.0 if in_doubt or arc > 0.95 * TURN else 2.0
     if abs(change) > share * fit.radius + deviations * sqrt(variance):
         return Objection(f"a spiral: the radius changes by {change:+.0f} m a turn", final)
     return None
