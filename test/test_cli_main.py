@@ -159,6 +159,14 @@ def test_interrupted_command_ends_with_130_and_one_line(tmp_path, moment):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_command_called_from_python_leaves_the_signals_as_they_were(capsys):
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.getsignal(number) for number in numbers]
+    for arguments, code in ((STEADY, 0), ("table build absent.yaml -o table.npz".split(), 2)):
+        assert main(arguments) == code
+        assert [signal.getsignal(number) for number in numbers] == before
+
+
 def test_program_and_module_are_the_same_command():
     done = run("--version")
     assert (done.returncode, done.stdout) == (0, f"ctcbs {__version__}\n")

@@ -37,8 +37,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         0 done; 1 failed; 2 bad input, after one line on standard error (as argparse does itself,
         by SystemExit); 130 interrupted; 141 nobody reads standard output; 143 terminated.
     """
-    before = signal.signal(signal.SIGINT, _interrupt)
-    signal.signal(signal.SIGTERM, _terminate)
+    ours = {signal.SIGINT: _interrupt, signal.SIGTERM: _terminate}
+    before = {number: signal.signal(number, handler) for number, handler in ours.items()}
     try:
         args = _parser().parse_args(arguments)
         code = args.run(args)
@@ -58,11 +58,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
     finally:
-        if signal.getsignal(signal.SIGINT) is _interrupt:
-            signal.signal(signal.SIGINT, before)
-        else:  # one came: a second one must not break Python's own end either
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
-            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        # Where one came, a second one must not break Python's own end either.
+        none_came = signal.getsignal(signal.SIGINT) is _interrupt
+        for number, handler in before.items():
+            signal.signal(number, handler if none_came else signal.SIG_IGN)
 
 
 class _Parser(argparse.ArgumentParser):
