@@ -1,5 +1,5 @@
 # make demo    a simulated flight through the real node, plots in demo/
-# make test    ruff, then the tests but the slow ones
+# make test    ruff, then the tests but the slow ones, two files at a time
 # make slow    the slow tests
 # make soak    a flight of a day through the node, with what its memory does; HOURS=2 RATE=1 for less
 # make clean   removes what these made, .venv included
@@ -21,7 +21,7 @@ STAMP = .venv/installed-for-$(or $(ROS_DISTRO),wheels)
 
 test: $(STAMP)
 	$(BIN)/ruff check .
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -p xdist -n 2 --dist loadfile -m "not slow"
 
 slow: $(STAMP)
 	$(BIN)/python -m pytest -m slow

@@ -18,6 +18,7 @@ ROS = [
 ]
 TEST = [
     "pytest>=8",
+    "pytest-xdist>=3.5",
     "ruff>=0.14",
     "hypothesis>=6.100",
     "moordyn>=2.4",

@@ -1,7 +1,6 @@
 """A log with faults replayed through the core, held against the same flight without them."""
 
 from dataclasses import dataclass, fields
-from functools import cache
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -140,7 +139,6 @@ def assert_numbers(prediction):
     assert mass.state.residual < 1e-9
 
 
-@cache
 def flight(folder: Path) -> faults_log.Log:
     """A simulated flight of the small drone: 1.75 turns at 60 m and 20 m/s, from 15 s to 48 s."""
     path = folder / "clean.tlog"

@@ -12,7 +12,7 @@ from collections import Counter
 import faults_log
 import numpy as np
 import pytest
-from faults_replay import DRONE, assert_numbers, flight, replay
+from faults_replay import DRONE, assert_numbers, replay
 from pymavlink.dialects.v20 import all as dialect
 
 from ctcbs_ros.configuration import load_configuration
@@ -27,11 +27,6 @@ MESSAGES = sorted(dialect.mavlink_map)
 NUMBERS = {"char": "i1", "int8_t": "i1", "uint8_t": "u1", "int16_t": "i2", "uint16_t": "u2",
            "int32_t": "i4", "uint32_t": "u4", "int64_t": "i8", "uint64_t": "u8"}  # fmt: skip
 EXTREMES = [np.nan, np.inf, -np.inf, 0.0, 1e300, -1e300, 5e-324]
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    return flight(tmp_path_factory.mktemp("fuzz"))
 
 
 def traced():

@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2 (rclpy)")
 
 from diagnostic_msgs.msg import DiagnosticArray
-from faults_replay import flight, replay
+from faults_replay import replay
 from geometry_msgs.msg import PoseWithCovarianceStamped
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile
 from running_node import RunningNode
@@ -23,10 +23,9 @@ LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 KEEP_ALL = QoSProfile(history=QoSHistoryPolicy.KEEP_ALL)
 
 
-def faulty_flight(folder):
+def faulty_flight(log):
     """A flight with a fault of each kind, as .tlog."""
     random = np.random.default_rng(3)
-    log = flight(folder)
     seconds = faults_log.seconds
     log = faults_log.shift(log, seconds(log, 28.0, 28.5), north=100.0)
     log = faults_log.freeze(log, seconds(log, 38.0, 39.0))
@@ -40,8 +39,8 @@ def faulty_flight(folder):
     return faults_log.as_bytes(start) + data
 
 
-def test_all_that_is_dropped_stands_in_diagnostics_and_summary(drone_table, tmp_path):
-    data = faulty_flight(tmp_path)
+def test_all_that_is_dropped_stands_in_diagnostics_and_summary(log, drone_table, tmp_path):
+    data = faulty_flight(log)
     core = replay(data, tmp_path)
     assert {"JUMP", "FROZEN", "AHEAD", "DUPLICATE", "OUT_OF_ORDER"} <= set(core.skipped)
     link = core.link

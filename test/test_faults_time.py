@@ -4,24 +4,9 @@ import faults_log
 import numpy as np
 import pytest
 from faults_log import seconds, step_clock
-from faults_replay import BOOT_MS, distance, flight, replay
+from faults_replay import BOOT_MS, distance, replay
 
 STEP = 33.0  # s after the first frame; the first half turn has been flown at 25 s
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("faults")
-
-
-@pytest.fixture(scope="module")
-def log(folder):
-    return flight(folder)
-
-
-@pytest.fixture(scope="module")
-def clean(log, folder):
-    return replay(log, folder)
 
 
 def against(found, clean):
@@ -39,9 +24,9 @@ def assert_in_order(found):
         assert np.all(np.diff(values) > 0)
 
 
-def test_wrap_of_the_clock_changes_nothing(log, clean, folder):
+def test_wrap_of_the_clock_changes_nothing(log, clean, tmp_path):
     to_wrap = faults_log.WRAP_MS - BOOT_MS - round(STEP * 1000)
-    found = replay(step_clock(log, seconds(log, 0.0), to_wrap), folder)
+    found = replay(step_clock(log, seconds(log, 0.0), to_wrap), tmp_path)
     assert found.link["time_steps"] == {"wrap": 1}
     assert (found.summary["flights"], found.skipped) == (1, {})
     assert found.valid == clean.valid
@@ -50,8 +35,8 @@ def test_wrap_of_the_clock_changes_nothing(log, clean, folder):
 
 
 @pytest.mark.parametrize("back", [85.0, 2.5])
-def test_reboot_begins_a_flight_with_an_orbit_of_its_own(back, log, clean, folder):
-    found = replay(step_clock(log, seconds(log, STEP), round(-back * 1000)), folder)
+def test_reboot_begins_a_flight_with_an_orbit_of_its_own(back, log, clean, tmp_path):
+    found = replay(step_clock(log, seconds(log, STEP), round(-back * 1000)), tmp_path)
     assert found.link["time_steps"] == {"reboot": 1}
     assert (found.summary["flights"], found.skipped) == (2, {})
     assert against(found, clean).max() <= 1.0
@@ -62,8 +47,8 @@ def test_reboot_begins_a_flight_with_an_orbit_of_its_own(back, log, clean, folde
 
 
 @pytest.mark.parametrize("ahead", [3.0, 1e5])
-def test_step_ahead_that_no_receive_stamp_saw_begins_a_flight(ahead, log, clean, folder):
-    found = replay(step_clock(log, seconds(log, STEP), round(ahead * 1000)), folder)
+def test_step_ahead_that_no_receive_stamp_saw_begins_a_flight(ahead, log, clean, tmp_path):
+    found = replay(step_clock(log, seconds(log, STEP), round(ahead * 1000)), tmp_path)
     assert found.link["time_steps"] == {"jump": 1}
     assert (found.summary["flights"], found.skipped) == (2, {})
     assert found.valid > 0.4 * clean.valid
@@ -72,8 +57,8 @@ def test_step_ahead_that_no_receive_stamp_saw_begins_a_flight(ahead, log, clean,
 
 
 @pytest.mark.parametrize("step", [0.5, 2.4, -0.5, -1.9])
-def test_step_within_the_delays_of_links_breaks_the_track(step, log, clean, folder):
-    found = replay(step_clock(log, seconds(log, STEP), round(step * 1000)), folder)
+def test_step_within_the_delays_of_links_breaks_the_track(step, log, clean, tmp_path):
+    found = replay(step_clock(log, seconds(log, STEP), round(step * 1000)), tmp_path)
     assert found.link["time_steps"] == {}
     # As many samples are late as the step back holds, and four more until the fifth confirms.
     late = int(-step * 5) if step < 0.0 else 0
@@ -86,9 +71,9 @@ def test_step_within_the_delays_of_links_breaks_the_track(step, log, clean, fold
 
 
 @pytest.mark.parametrize("step", [60.0, 1.5])
-def test_clock_that_steps_for_two_seconds_and_back_makes_nothing_wrong(step, log, clean, folder):
+def test_clock_that_steps_for_two_seconds_and_back_makes_nothing_wrong(step, log, clean, tmp_path):
     stepped = seconds(log, STEP, STEP + 2.0)
-    found = replay(step_clock(log, stepped, round(step * 1000)), folder)
+    found = replay(step_clock(log, stepped, round(step * 1000)), tmp_path)
     if abs(step) > 2.5:
         assert found.link["time_steps"] == {"jump": 1, "reboot": 1}
     assert found.valid > 0.3 * clean.valid

@@ -240,7 +240,7 @@ def test_fixes_lie_where_the_poses_are(log_replay, core_replay):
     assert len(fixes) == len(expected)
     for message in fixes:
         record = expected[stamp_ns(message)]
-        # Two processes: BLAS rounds by where in memory its matrices lie.
+        # Two processes: where one of them compiled its kernels anew, the last digit may differ.
         assert message.latitude == pytest.approx(record["end_mass_latitude_deg"], abs=1e-12)
         assert message.altitude == pytest.approx(record["end_mass_altitude_m"], abs=1e-9)
 
