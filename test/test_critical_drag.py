@@ -122,16 +122,19 @@ def test_a_rate_that_never_grows_needs_no_drag_and_one_that_grows_at_the_largest
 
 
 def test_command_says_whether_no_drag_is_needed_or_none_suffices(capsys, monkeypatch):
-    # The parameters of `test_a_later_minimum_that_loses_stability_does_not_count`.
+    def found(*values):
+        monkeypatch.setattr(
+            "ctcbs_ros.solver.critical_drag.critical_drag", lambda *_, **__: CriticalDrag(*values)
+        )
+
     arguments = "critical-drag --length 5.7573 --end-mass 6.6487 --drag-ratio 3.947".split()
+    # As `test_a_later_minimum_that_loses_stability_does_not_count` finds it.
+    found(0.9, None, 1.8)
     assert main([*arguments, "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert result["stable"] is None
     assert result["reasons"] == {"stable": "none needed: holds at every d_n from 0.01 to 2000"}
-    monkeypatch.setattr(
-        "ctcbs_ros.solver.critical_drag.critical_drag",
-        lambda *_, **__: CriticalDrag(None, inf, 3.0),
-    )
+    found(None, inf, 3.0)
     assert main([*arguments, "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     suffices = "none suffices: fails even at d_n 2000"

@@ -14,7 +14,7 @@ from ctcbs_ros.orbit.tracks import correlated_noise
 @pytest.mark.parametrize("name", study.NOISES)
 def test_errors_are_within_the_bars_and_what_is_stated_of_them_holds(name):
     noise = study.NOISES[name]
-    found = {name: study.accuracy(noise, 20 if noise.cost > 1 else 60)}
+    found = {name: study.accuracy(noise, 20 if noise.cost > 1 else 40)}
     turns = study.Turns(0, [0.0] * 3, [0.0] * 3, 0.0, 0.0)
     assert study.missed_bars(found, turns, {}) == []
 
@@ -32,17 +32,17 @@ def test_without_its_noise_model_a_correlated_error_would_be_understated():
 
 
 def test_an_orbit_is_found_within_half_a_turn_and_given_up_within_a_quarter():
-    assert study.missed_bars({}, study.entry_and_departure(30), {}) == []
+    assert study.missed_bars({}, study.entry_and_departure(20), {}) == []
 
 
 @pytest.mark.parametrize("noise", ["white 5 m, 1 m/s, 20 % lost, not stated"])
 def test_noise_that_nobody_states_does_not_lose_the_orbit(noise):
-    assert study.entry_and_departure(25, study.NOISES[noise]).lost < 0.03
+    assert study.entry_and_departure(16, study.NOISES[noise]).lost < 0.03
 
 
 @pytest.mark.parametrize("shape", [s for s in study.SHAPES if "radii" not in s])
 def test_other_tracks_are_no_orbit_but_where_they_are_half_a_circle(shape):
-    share = study.taken_for_orbits(shape, 10 if "20" in shape else 5)
+    share = study.taken_for_orbits(shape, 10 if "20" in shape else 3)
     turns = study.Turns(0, [0.0] * 3, [0.0] * 3, 0.0, 0.0)
     assert study.missed_bars({}, turns, {shape: share}) == []
 
