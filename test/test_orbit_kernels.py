@@ -240,3 +240,7 @@ def test_offset_and_progress_of_a_track():
     leap = angle + 1.0 * (time > 25.0)
     assert progress(radial, leap, time, 1, 7.0, 10.0, quiet)[2]
     assert not progress(radial, leap, time + 12.0 * (time > 25.0), 1, 7.0, 10.0, quiet)[2]
+    # A glitch goes there and back, or back and there; at the end nobody can tell it from a leap.
+    for sample, off, broken in ((25, 1.0, False), (25, -1.0, False), (49, 1.0, True)):
+        glitch = angle + off * (time == sample)
+        assert progress(radial, glitch, time, 1, 7.0, 10.0, quiet)[2] == broken

@@ -1,14 +1,20 @@
 """The orbit estimator's bars: errors, stated errors, entry and departure, what is no orbit."""
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
+from orbit_figures import readme, sentence, tables
 
 from ctcbs_ros.cli.main import main
 from ctcbs_ros.orbit import study, study_comparison
+from ctcbs_ros.orbit.alternatives import METHODS
 from ctcbs_ros.orbit.settings import OrbitSettings
 from ctcbs_ros.orbit.tracks import correlated_noise
+
+ROOT = Path(__file__).resolve().parents[1]
 
 
 @pytest.mark.parametrize("name", study.NOISES)
@@ -75,6 +81,36 @@ def test_the_command_prints_its_seeds_and_every_figure(capsys, monkeypatch):
     assert code == (1 if report["missed_bars"] else 0)
 
 
+def words(name):
+    """A document as words with one space between."""
+    return " ".join((ROOT / name).read_text(encoding="utf-8").split())
+
+
+def test_the_tables_of_the_orbit_page_have_every_case_of_the_study_and_the_readme_their_figures():
+    page = (ROOT / "docs" / "orbit.md").read_text(encoding="utf-8")
+    for name, noise in study.NOISES.items():
+        assert f"| {name} | {1000 // noise.cost} |" in page
+    for name in (*study.SHAPES, *METHODS, "this estimator"):
+        assert f"\n| {name} | " in page
+    for name, said in (
+        ("white 1.5 m, 0.3 m/s", "radius to {} and centre to {} at 1.5 m noise"),
+        ("white 5 m, 1 m/s, 20 % lost", "{} and {} at 5 m with"),
+        ("Gauss-Markov 2 m, 45 s on 0.5 m, 0.3 m/s", "{} and {} where 2 m are correlated"),
+    ):
+        radius, center = re.search(
+            rf"\n\| {re.escape(name)} \| 1000 \| ([\d.]+ %).*?([\d.]+ m)(?: \(1\))? \|", page
+        ).groups()
+        assert said.format(radius, center) in words("README.md")
+
+
 @pytest.mark.slow
-def test_all_bars_hold_in_a_thousand_runs(capsys):
-    assert main(["orbit-study"]) == 0, capsys.readouterr().out
+def test_all_bars_hold_in_a_thousand_runs_and_the_documents_give_their_figures(capsys):
+    code = main(["orbit-study", "--json"])
+    report = json.loads(capsys.readouterr().out)
+    assert report["missed_bars"] == []
+    assert code == 0
+    page = (ROOT / "docs" / "orbit.md").read_text(encoding="utf-8")
+    for lines in tables(report).values():
+        assert "\n".join(lines) in page
+    assert sentence(report) in words("docs/orbit.md")
+    assert readme(report) in words("README.md")

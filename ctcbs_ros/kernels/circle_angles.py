@@ -65,7 +65,7 @@ def progress(radial, angle, time, sense, arc, believed, quiet):
     newest : float
         Angle gained over the newest five steps [rad].
     broken : bool
-        Whether a step is longer than strong wind explains.
+        Whether a step is longer than strong wind explains, and not that of a glitch.
     """
     n = radial.shape[0]
     step, duration = np.empty(n), np.empty(n)
@@ -81,10 +81,18 @@ def progress(radial, angle, time, sense, arc, believed, quiet):
     if count == 0:
         return 0.0, 0.0, False
     back, newest, broken = 0, 0.0, False
+    # In strong wind the rate along a circle held over the ground is up to twice its mean.
+    fastest, least = 2.0 * arc / total, quiet + 0.3
     for i in range(count):
         back += step[i] < -quiet
-        # In strong wind the rate along a circle held over the ground is up to twice its mean.
-        broken |= step[i] > 2.0 * arc / total * duration[i] + quiet + 0.3
+        if step[i] > fastest * duration[i] + least:
+            # A glitch steps there and back again, in either order; a broken track does not.
+            returned = False
+            for j in (i - 1, i + 1):
+                if 0 <= j < count:
+                    both = fastest * (duration[i] + duration[j]) + least
+                    returned |= step[i] + step[j] <= both and step[j] < -quiet
+            broken |= not returned
         if i >= count - 5:
             newest += step[i]
     return back / count, newest, broken
