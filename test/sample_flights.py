@@ -1,7 +1,7 @@
 """Telemetry samples of simulated flights, without MAVLink."""
 
 from dataclasses import replace
-from math import nan
+from math import hypot, nan
 
 import numpy as np
 
@@ -20,9 +20,13 @@ PLACES = {
 
 def samples_of(
     flight, place="north", home=100.0, geoid=47.0, heights=("amsl", "ellipsoid", "home"),
-    velocities=True, local=False, number=0, start=0.0,
+    velocities=True, local=False, number=0, start=0.0, wind=None,
 ):  # fmt: skip
-    """Samples of a simulated flight about a place; `heights` are those that the source tells."""
+    """Samples of a simulated flight about a place.
+
+    `heights` are those that the source tells; where a `wind` (east, north) is given, an airspeed
+    is measured.
+    """
     latitude, longitude = PLACES[place]
     lat, lon, ellipsoidal = to_geodetic(
         Datum(latitude, longitude, home + geoid, True), *flight.position.T
@@ -36,6 +40,8 @@ def samples_of(
             "flight": number,
             "velocity": tuple(map(float, flight.velocity[i])) if velocities else None,
         }
+        if wind is not None:
+            fields["airspeed"] = float(hypot(*(flight.velocity[i, :2] - wind)))
         if local:
             fields["local_position"] = tuple(map(float, flight.position[i]))
         else:

@@ -160,6 +160,7 @@ def flown(tmp_path_factory, drone_table):
     parameters = {
         "table.file": quoted(str(drone_table)), "diagnostics.period": 0.1,
         "limits.stale_after": 5.0,  # not sooner than the markers go
+        "wind.speed": 0.0, "wind.from_direction": 0.0, "wind.accuracy": 0.4,
     }  # fmt: skip
     with RunningNode(folder, parameters) as node:
         node.received = {

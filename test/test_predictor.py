@@ -372,7 +372,7 @@ def test_wind_is_known_within_three_quarters_of_a_turn(wind):
     flight = orbiting(turns=1.5, wind=(wind, 0.0))
     known = [
         (p.time, any("by the flight" in w.text for w in p.warnings))
-        for p in valid(predict(samples_of(flight)))
+        for p in valid(predict(samples_of(flight, wind=(wind, 0.0))))
         if not any("not known" in w.text for w in p.warnings)
     ]
     on_circle = flight.time[np.isfinite(flight.radius)]

@@ -43,7 +43,7 @@ def codes(*predictions):
 
 @pytest.fixture(scope="module")
 def calm():
-    return predict(samples_of(FLIGHT))
+    return predict(samples_of(FLIGHT, wind=(0.0, 0.0)))
 
 
 @pytest.fixture(scope="module")
@@ -240,10 +240,17 @@ def test_ground_proximity_is_of_the_end_mass_above_home_or_the_set_ground(ground
 @pytest.mark.parametrize(("speed", "windy"), [(0.3, False), (4.0, True)])
 def test_wind_is_told_from_the_ground_speed(speed, windy):
     flight = orbiting(turns=2.0, wind=(0.0, speed))
-    flown = [p for p in predict(samples_of(flight)) if p.valid]
+    flown = [p for p in predict(samples_of(flight, wind=(0.0, speed))) if p.valid]
     texts = [w.text for w in flown[-30].warnings if w.code is WarningCode.WIND_UNMODELLED]
     assert bool(texts) is windy
     assert all("m/s from 180 deg" in text and "by the flight" in text for text in texts)
+
+
+def test_what_looks_like_still_air_is_not_known_to_be_still_without_an_airspeed():
+    # A ground speed that is held looks the same in any wind.
+    flown = [p for p in predict(samples_of(orbiting(turns=2.0))) if p.valid]
+    assert flown[-30].wind is None
+    assert WIND_NOT_KNOWN in [w.text for w in flown[-30].warnings]
 
 
 def test_samples_with_wind_are_counted_apart_from_those_where_it_is_not_known(calm, orbit):

@@ -102,9 +102,9 @@ def test_outliers_hardly_move_it():
 @pytest.mark.parametrize("change", [0.1, -0.1])
 def test_an_airspeed_that_rises_or_falls_is_no_wind(change):
     time, velocity, _ = air_circle(wind=np.zeros(2))
-    velocity *= (1.0 + change * time / 25.0)[:, None]
+    velocity = AIR + (1.0 + change * time / 25.0)[:, None] * velocity
     found = wind_of_turn(rows_of(time, velocity, 0.1), 25.0)
-    assert np.hypot(*found.velocity) < 0.25
+    assert found.velocity == pytest.approx(AIR, abs=0.25)
 
 
 def test_nothing_is_known_of_too_little():
@@ -132,11 +132,27 @@ def test_less_of_a_turn_tells_less():
 
 def test_a_held_ground_speed_looks_like_still_air_and_a_measured_airspeed_tells():
     time, velocity, airspeed, _ = held_ground_speed()
-    blind = wind_of_turn(rows_of(time, velocity), 25.0)
-    assert np.hypot(*blind.velocity) < 0.1
+    assert wind_of_turn(rows_of(time, velocity), 25.0) is None
     told = wind_of_turn(rows_of(time, velocity, airspeed=0.9 * airspeed), 25.0)
     assert told.relation == "measured airspeed"
     assert told.velocity == pytest.approx(AIR, abs=0.05)
+
+
+@pytest.mark.parametrize("nose", ["course", "centre", "held"])
+def test_a_heading_that_shows_no_wind_does_not_prove_still_air(nose):
+    time, velocity, airspeed, _ = held_ground_speed()
+    course = np.arctan2(velocity[:, 1], velocity[:, 0])
+    heading = {"course": course, "centre": course + 0.5 * np.pi, "held": 0.0 * course}[nose]
+    assert wind_of_turn(rows_of(time, velocity, heading=heading), 25.0) is None
+    told = wind_of_turn(rows_of(time, velocity, airspeed=airspeed, heading=heading), 25.0)
+    assert told.velocity == pytest.approx(AIR, abs=0.05)
+
+
+def test_still_air_is_shown_by_a_measured_airspeed():
+    time, velocity, angle = air_circle(wind=np.zeros(2))
+    assert wind_of_turn(rows_of(time, velocity, heading=angle), 25.0) is None
+    shown = wind_of_turn(rows_of(time, velocity, airspeed=np.full(len(time), 20.0)), 25.0)
+    assert np.hypot(*shown.velocity) < 0.05
 
 
 def test_a_heading_tells_that_the_airspeed_is_not_constant():

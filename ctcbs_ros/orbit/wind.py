@@ -3,7 +3,8 @@
 With the airspeed constant, |v - w| is: the circle's centre is the wind w, its radius the airspeed.
 Where a sensor measures the airspeed, |v - w| is proportional to that, constant or not. Where a
 heading is sent, v - w points along it, whatever the airspeed. An aircraft that holds its ground
-speed looks like still air to the first of the three, and only the others tell.
+speed looks like still air to the first of the three, and a heading that is the course, or held,
+to the last: that there is no wind, only a measured airspeed shows.
 """
 
 from dataclasses import dataclass, replace
@@ -173,12 +174,14 @@ class WindEstimator:
         """Forget all velocities."""
         self._first = self._end = 0
         self._latest: FlightWind | None = None
+        self._estimated_at = -np.inf
         # Least time between samples [s], so that at high rates a whole turn is kept.
         self._spacing = 0.0
 
     def begin(self, time: float) -> None:
         """An orbit was begun at a time [s]: what was flown before says nothing about it."""
         self._latest = None
+        self._estimated_at = -np.inf
         self._forget(time)
 
     def _forget(self, time: float) -> None:
@@ -240,7 +243,8 @@ class WindEstimator:
         turn = _TURN / orbit.angular_rate
         self._spacing = turn / (0.9 * _MOST_SAMPLES)
         self._forget(orbit.time - turn)
-        if self._latest is None or not orbit.time < self._latest.time + _ANEW * turn:
+        if not orbit.time < self._estimated_at + _ANEW * turn:
+            self._estimated_at = orbit.time
             rows = self._rows[self._first : self._end]
             self._latest = wind_of_turn(rows, turn, self._settings)
         return self._latest
@@ -267,8 +271,8 @@ def wind_of_turn(
     Returns
     -------
     FlightWind or None
-        None with fewer than 12 samples or less of a turn than `settings.least_arc`, or where the
-        velocities stand still.
+        None with fewer than 12 samples or less of a turn than `settings.least_arc`, where the
+        velocities stand still, or where they look like still air and no airspeed is measured.
     """
     settings = settings or WindSettings()
     measured = rows[np.isfinite(rows[:, _AIRSPEED])]
@@ -276,6 +280,14 @@ def wind_of_turn(
     if by_speed is None:
         by_speed = _fit(rows, turn, settings, "constant airspeed")
     by_heading = _fit(rows[np.isfinite(rows[:, _HEADING])], turn, settings, "heading")
+    found = _reconciled(by_speed, by_heading)
+    if found is None or (found.relation != "measured airspeed" and _is_nought(found)):
+        return None
+    return found
+
+
+def _reconciled(by_speed: FlightWind | None, by_heading: FlightWind | None) -> FlightWind | None:
+    """One wind of those that the airspeed and the heading show."""
     if by_speed is None or by_heading is None:
         return by_speed or by_heading
     apart = _distance(by_speed, by_heading)
@@ -287,6 +299,8 @@ def wind_of_turn(
         return replace(by_speed, note="the heading follows the course and is not used")
     if apart > CONTRADICTION:
         return replace(by_heading, note="the airspeed is not constant")
+    if _is_nought(by_speed):
+        return by_heading
     # What they differ by beyond chance counts as an error: the airspeed may not be constant.
     off = by_speed.velocity - by_heading.velocity
     doubt = max(0.0, 1.0 - _EXPECTED / apart) if apart > 0.0 else 0.0
