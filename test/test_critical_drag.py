@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
-from math import inf
+from math import inf, log
 
 import numpy as np
 import pytest
@@ -20,6 +20,7 @@ from ctcbs_ros.solver.critical_drag import (
     least_stable_drag,
 )
 from ctcbs_ros.solver.cusp import cusp
+from ctcbs_ros.solver.first_minimum import FirstMinimum
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.stability_loss import SAMPLED, first_zero_from_above
@@ -119,6 +120,15 @@ def test_a_rate_that_never_grows_needs_no_drag_and_one_that_grows_at_the_largest
         found = first_zero_from_above(lambda *_, rate=rate: (rate, None), SAMPLED, 12)
         assert found == drag
         assert CriticalDrag(4.0, found, None).required == (drag or 4.0)
+
+
+def test_where_the_minimum_ends_is_told_from_where_it_becomes_stable():
+    assert not critical_drag(FIG_31).minimum_ends
+    found = critical_drag(replace(FIG_31, length=1.5, elasticity=3000.0))
+    assert found.minimum_ends
+    at = FirstMinimum(replace(FIG_31, length=1.5, elasticity=3000.0)).at
+    assert stability(at(log(found.stable) - 1e-3)).growth_rate > 0.01
+    assert [at(log(found.stable) + above) for above in (0.01, 0.1)] == [None, None]
 
 
 def test_command_says_whether_no_drag_is_needed_or_none_suffices(capsys, monkeypatch):

@@ -173,6 +173,8 @@ def _notes(problem: _Problem, first: float, last: float, branches) -> list[str]:
     notes += [f"{count} points: {status}" for status, count in doubtful.items()]
     if not branches:
         notes.append("no steady state anywhere in the range")
+    if problem.name == _SI["radius"]:
+        notes.append("minima and maxima are those of the end-mass radius over the tow radius")
     return notes
 
 

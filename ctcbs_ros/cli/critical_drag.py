@@ -18,7 +18,8 @@ def add_parser(subparsers) -> None:
         "minimum is, at each drag, that of least omega on the branch connected to omega -> 0; "
         "where that branch has none, the one followed from larger drag onto the branch that has "
         "parted from it. Where a value is null, `reasons` says why: either no drag is needed, as "
-        "the condition holds at all that are looked at, or none suffices.",
+        "the condition holds at all that are looked at, or none suffices. It also says where "
+        "stable is the drag above which there is no minimum.",
     )
     add_arguments(parser)
     parser.set_defaults(run=run)
@@ -42,9 +43,12 @@ def run(args) -> int:
         inf: f"none suffices: fails even at d_n {high:g}",
     }
     reasons = {name: words[value] for name, value in values.items() if value in words}
+    if found.minimum_ends:
+        reasons["stable"] = "above this drag the end-mass radius has no minimum over omega"
     if args.json:
         print_json({**values, "reasons": reasons})
     else:
         for name, value in values.items():
-            print(f"{name:17s} {reasons.get(name) or f'd_n {value:.9g}'}")
+            drag = "" if words.get(value) else f"d_n {value:.9g}"
+            print(f"{name:17s} {', '.join(filter(None, (drag, reasons.get(name))))}")
     return 0

@@ -7,7 +7,7 @@ from above is the answer.
 """
 
 from dataclasses import dataclass, replace
-from math import exp, inf
+from math import exp, inf, isfinite, log
 
 from ctcbs_ros.solver.cusp import OMEGA_MAX, least_unique_drag
 from ctcbs_ros.solver.first_minimum import FirstMinimum
@@ -15,6 +15,9 @@ from ctcbs_ros.solver.main_branch import largest_growth
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import FUNCTIONS, stability
 from ctcbs_ros.solver.stability_loss import SAMPLED, first_zero_from_above
+
+# How far above a drag, in its logarithm, it is asked what there is just above it.
+_ABOVE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -35,11 +38,15 @@ class CriticalDrag:
     stable_everywhere : float or None
         Every state on the branch connected to omega -> 0 is stable, up to the limit of omega; None
         also where it was not asked for.
+    minimum_ends : bool
+        Just above `stable` the end-mass radius has no minimum at all: it is where the minimum
+        ceases, not where it becomes stable.
     """
 
     unique: float | None
     stable: float | None
     stable_everywhere: float | None
+    minimum_ends: bool = False
 
     @property
     def required(self) -> float | None:
@@ -67,10 +74,13 @@ def critical_drag(
     -------
     CriticalDrag
     """
+    minimum = FirstMinimum(parameters)
+    stable = _least_stable_drag(minimum)
     return CriticalDrag(
         least_unique_drag(parameters, omega_max),
-        least_stable_drag(parameters),
+        stable,
         least_drag_stable_everywhere(parameters, omega_max) if everywhere else None,
+        stable is not None and isfinite(stable) and minimum.at(log(stable) + _ABOVE) is None,
     )
 
 
@@ -93,8 +103,10 @@ def least_stable_drag(parameters: Parameters) -> float | None:
     connected to omega -> 0; where that has none up to omega 30, the one that is followed from
     larger drag onto the branch that has parted from it. Without either nothing is unstable.
     """
-    minimum = FirstMinimum(parameters)
+    return _least_stable_drag(FirstMinimum(parameters))
 
+
+def _least_stable_drag(minimum: FirstMinimum) -> float | None:
     def growth(delta, functions, near):
         state = minimum.at(delta)
         if state is None:
