@@ -25,7 +25,7 @@ from ctcbs_ros.orbit.wind import (
 )
 from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.predictor import Predictor
-from ctcbs_ros.prediction.record import prediction_record
+from ctcbs_ros.prediction.record import prediction_record, wind_fields
 from ctcbs_ros.prediction.wind_choice import FRESH, WindChoice, described, user_wind
 
 SURE = WindSettings(airspeed_wander=1e-6)
@@ -356,6 +356,8 @@ def test_a_prediction_says_how_much_wind_there_is_and_by_whom(place, sense):
     assert record["wind_source"] == "flight"
     assert record["wind_from_deg"] == pytest.approx(230.0, abs=4.0)
     assert record["wind_speed_m_s"] == pytest.approx(4.0, abs=0.2)
+    # Where it is unknown the same names say so.
+    assert set(wind_fields(None)) == set(wind_fields(last.wind))
 
 
 def test_the_autopilots_wind_comes_through_the_sample():

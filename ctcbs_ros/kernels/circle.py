@@ -54,6 +54,7 @@ def refine_circle(
     row = np.empty(k)
     drift_east, drift_north = 0.0, 0.0
     late = 1.0
+    near = False
     for iteration in range(_ITERATIONS):
         if k == 5:
             drift_east, drift_north = circle[3], circle[4]
@@ -66,7 +67,7 @@ def refine_circle(
         for i in range(points.shape[0]):
             dx = points[i, 0] - circle[0] - drift_east * age[i]
             dy = points[i, 1] - circle[1] - drift_north * age[i]
-            distance = np.hypot(dx, dy)
+            distance = np.sqrt(dx * dx + dy * dy)
             if distance < 1e-6:
                 return late, False
             ux, uy = dx / distance, dy / distance
@@ -87,8 +88,11 @@ def refine_circle(
                 if k == 5:
                     row[3], row[4] = row[0] * age[i] - ux, row[1] * age[i] - uy
                 turned = (vy * ux - vx * uy) * sigma / distance
-                sigma = late * np.hypot(velocity_sigma[i], turned)
+                sigma = late * np.sqrt(velocity_sigma[i] ** 2 + turned**2)
                 along[i], weight[1, i] = out, _add(normal, right, row, out, sigma, huber)
+        for j in range(k):
+            for i in range(j):
+                normal[i, j] = normal[j, i]
         if not invert_normal(normal, inverse):
             return late, False
         step = inverse @ right
@@ -98,7 +102,10 @@ def refine_circle(
         size = np.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
         if k == 5:
             size += np.hypot(step[3], step[4]) * abs(age[0])
-        if iteration > 2 and size < 3e-4 * circle[2]:
+        if iteration == 0:
+            # As from the fit to the samples before: `late` will not change any more.
+            near = size < 1e-3 * circle[2]
+        if size < 3e-4 * circle[2] and (iteration > 2 or (near and iteration > 0)):
             return late, True
     return late, False
 
@@ -108,9 +115,10 @@ def _add(normal, right, row, residual, sigma, huber):
     """Add one residual to the normal equations; its weight is returned."""
     weight = min(1.0, huber / max(abs(residual / sigma), 1e-12)) / (sigma * sigma)
     for j in range(row.shape[0]):
-        right[j] -= weight * row[j] * residual
-        for k in range(row.shape[0]):
-            normal[j, k] += weight * row[j] * row[k]
+        weighted = weight * row[j]
+        right[j] -= weighted * residual
+        for k in range(j + 1):
+            normal[j, k] += weighted * row[k]
     return weight
 
 

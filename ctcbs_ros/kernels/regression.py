@@ -127,3 +127,33 @@ def line(x, y, weight):
         squares += weight[i] * (y[i] - y_mean - slope * (x[i] - x_mean)) ** 2
     of_zero = 1.0 / total + (x_mean * x_mean * by_slope if x_mean != 0.0 else 0.0)
     return y_mean - slope * x_mean, slope, of_zero, by_slope, squares
+
+
+@njit(cache=True)
+def correlated_form(gain, time, correlation_time, form):
+    """Covariance of linear combinations of a first-order Gauss-Markov error of unit variance.
+
+    Its correlation exp(-|t_i - t_j|/T) is a product of those from sample to sample, so one pass
+    over the samples sums it.
+
+    Parameters
+    ----------
+    gain : (k, n) array
+        Takes the errors to the combinations.
+    time : (n,) array
+        Rising [s].
+    correlation_time : float
+        T [s].
+    form : (k, k) array, written
+    """
+    k, n = gain.shape
+    form[:] = 0.0
+    before = np.zeros(k)
+    for i in range(n):
+        if i > 0:
+            before *= np.exp((time[i - 1] - time[i]) / correlation_time)
+        for p in range(k):
+            for q in range(k):
+                form[p, q] += gain[p, i] * (gain[q, i] + before[q]) + before[p] * gain[q, i]
+        for p in range(k):
+            before[p] += gain[p, i]

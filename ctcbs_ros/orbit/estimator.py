@@ -15,7 +15,13 @@ import numpy as np
 from ctcbs_ros.kernels.circle_angles import continuous_angles, mean_rate
 from ctcbs_ros.kernels.circle_trend import widening
 from ctcbs_ros.orbit.circle_fit import CircleFit
-from ctcbs_ros.orbit.noise import circle_covariance, fit_by_scatter, height
+from ctcbs_ros.orbit.noise import (
+    AS_STATED,
+    Scatter,
+    circle_covariance,
+    fit_by_scatter,
+    height,
+)
 from ctcbs_ros.orbit.objection import Objection, objection
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.settings import TURN, OrbitSettings
@@ -26,6 +32,10 @@ _STANDING, _DRIFTING = [0, 1, 3, 4, 5], [0, 1, 3, 7, 8, 4, 5]
 _DRIFT = slice(7, 9)
 # chi^2 of two components above which a drift is believed: by chance once in a hundred turns.
 _SEEN_DRIFT = 9.21
+# Angle by which the course has to turn until a circle is tried again after one was refused.
+_TRIED_ANEW = TURN / 64.0
+# Part of a turn after which a circle that stands still is asked again whether it drifts.
+_SOUGHT_ANEW = 1.0 / 16.0
 # Standard deviations of a change of the radius from which the circle is taken to change.
 _SEEN_CHANGE = 3.5
 # Fewest samples of a circle.
@@ -54,6 +64,7 @@ class _Found:
 
     orbit: Orbit
     fit: CircleFit
+    scatter: Scatter
 
 
 class OrbitEstimator:
@@ -71,6 +82,12 @@ class OrbitEstimator:
         self._rate = nan
         self._last: CircleFit | None = None
         self._last_time = nan
+        self._scatter = AS_STATED
+        # Why the circle tried last was refused, and the course then.
+        self._refused, self._refused_at = "", inf
+        # When a drift was last looked for, and what it is known to.
+        self._drift_sought = -inf
+        self._drift_covariance: np.ndarray | None = None
         # The newest orbit, and until when one left early makes the next need more evidence [s].
         self._orbit: Orbit | None = None
         self._doubtful_until = -inf
@@ -111,16 +128,21 @@ class OrbitEstimator:
                 f"the course has turned by {np.degrees(samples.turned):.0f} deg in the last "
                 f"{samples.time[-1] - samples.time[0]:.0f} s"
             )
+        course = float(self._window.kept.course[-1])
+        if self._last is None and abs(course - self._refused_at) < _TRIED_ANEW:
+            return self._none(self._refused)
         reason = ""
         for part, may_drift in self._candidates(samples):
             found = self._best(part, may_drift)
             if isinstance(found, _Found):
                 self._orbit, self._last, self._last_time = found.orbit, found.fit, time
+                self._scatter = found.scatter
                 self._rate = found.orbit.sense * found.orbit.angular_rate
                 return OrbitFix(found.orbit)
             reason = reason or found.reason
             if found.final and len(part) == len(samples):
                 break
+        self._refused, self._refused_at = reason, course
         return self._none(reason)
 
     def _none(self, reason: str) -> OrbitFix:
@@ -174,6 +196,13 @@ class OrbitEstimator:
         standing = self._orbit_of(samples, False)
         if not may_drift or samples.turned <= self._settings.drift_arc:
             return standing
+        if isinstance(standing, _Found) and self._last is not None and not self._last.drifts:
+            turn = TURN / standing.orbit.angular_rate
+            if standing.orbit.time < self._drift_sought + _SOUGHT_ANEW * turn:
+                if self._drift_covariance is not None:
+                    standing.orbit.covariance[_DRIFT, _DRIFT] = self._drift_covariance
+                return standing
+            self._drift_sought, self._drift_covariance = standing.orbit.time, None
         drifting = self._orbit_of(samples, True)
         if isinstance(drifting, Objection):
             if isinstance(standing, Objection) and drifting.untold and drifting.final:
@@ -184,7 +213,7 @@ class OrbitEstimator:
             return drifting
         if isinstance(standing, _Found):
             seen = drifting.orbit.covariance[_DRIFT, _DRIFT]
-            standing.orbit.covariance[_DRIFT, _DRIFT] = seen
+            standing.orbit.covariance[_DRIFT, _DRIFT] = self._drift_covariance = seen
         return standing
 
     def _is_seen_to_drift(self, orbit: Orbit) -> bool:
@@ -196,11 +225,12 @@ class OrbitEstimator:
 
     def _orbit_of(self, samples: Samples, drifts: bool) -> _Found | Objection:
         s = self._settings
-        start = None
+        start, usual = None, AS_STATED
         flown = self._last is not None and self._last.drifts == drifts
         if flown:
             start = (self._last.center, self._last.radius, self._last.drift)
-        fit, position_sigma, velocity_sigma = fit_by_scatter(samples, start, drifts)
+            usual = self._scatter
+        fit, position_sigma, velocity_sigma, seen = fit_by_scatter(samples, start, drifts, usual)
         if fit is None:
             return Objection("the track is not a circle")
         time = samples.time
@@ -259,7 +289,7 @@ class OrbitEstimator:
             covariance=covariance,
             drift=np.array(fit.drift),
         )
-        return _Found(orbit, fit)
+        return _Found(orbit, fit, seen)
 
 
 def _phase(time, angle, sigma, rate, operator) -> float:

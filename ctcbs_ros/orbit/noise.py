@@ -1,18 +1,21 @@
 """The samples' errors: stated, or seen in their scatter; and what of them reaches the orbit."""
 
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from ctcbs_ros.kernels.circle import scatter
 from ctcbs_ros.kernels.circle_covariance import propagate
-from ctcbs_ros.kernels.regression import line
+from ctcbs_ros.kernels.regression import correlated_form, line
 from ctcbs_ros.orbit.circle_fit import CircleFit, fit_circle
 from ctcbs_ros.orbit.settings import TURN, OrbitSettings
 from ctcbs_ros.orbit.window import Samples
 
 # Scatter seen, over that stated or assumed, from which it is believed instead.
 _NOISIER = 1.5
+# Part by which a scatter may differ from that which a fit was made for.
+_ALIKE = 0.25
 # Excess of the residuals' variance over the stated one, in its standard deviations, from which
 # the track is taken to be off a circle, and for how much of a turn that lasts.
 _EXCESS = 3.0
@@ -23,10 +26,30 @@ _HUBER_VARIANCE = 0.856
 _HUBER_COST = 1.04
 
 
+class Scatter(NamedTuple):
+    """White errors seen, over those stated."""
+
+    position: float
+    velocity: float
+
+    def of(self, position_sigma: np.ndarray, velocity_sigma: np.ndarray) -> tuple:
+        """The standard deviations seen, from those stated."""
+        return position_sigma * self.position, velocity_sigma * self.velocity
+
+    def is_like(self, other: "Scatter") -> bool:
+        """Whether a fit for one serves the other: the weights decide little."""
+        return all(
+            abs(one - two) <= _ALIKE * max(one, two) for one, two in zip(self, other, strict=True)
+        )
+
+
+AS_STATED = Scatter(1.0, 1.0)
+
+
 def fit_by_scatter(
-    samples: Samples, start: tuple | None, drifts: bool
-) -> tuple[CircleFit | None, np.ndarray, np.ndarray]:
-    """Fit a circle, and once more where the samples scatter more than their errors say.
+    samples: Samples, start: tuple | None, drifts: bool, usual: Scatter = AS_STATED
+) -> tuple[CircleFit | None, np.ndarray, np.ndarray, Scatter]:
+    """Fit a circle, and once more where the samples scatter otherwise than it was made for.
 
     Parameters
     ----------
@@ -35,34 +58,47 @@ def fit_by_scatter(
         As of `fit_circle`.
     drifts : bool
         Whether a drift is fitted.
+    usual : Scatter
+        That of the fit to the samples so far, which spares the second fit.
 
     Returns
     -------
     fit : CircleFit or None
     position_sigma, velocity_sigma : (n,) ndarray
-        Standard deviations it was made with, of the white errors [m], [m/s].
+        Standard deviations of the white errors [m], [m/s].
+    scatter : Scatter
+        What they are over the stated ones.
     """
     points, velocities = samples.points, samples.velocities
-    position_sigma, velocity_sigma = samples.white_sigma, samples.velocity_sigma
+    stated = samples.white_sigma, samples.velocity_sigma
     age = samples.age if drifts else None
-    fit = fit_circle(points, velocities, position_sigma, velocity_sigma, start, age)
-    if fit is None and start is not None:
-        fit = fit_circle(points, velocities, position_sigma, velocity_sigma, None, age)
+    made_for = usual
+    fit = fit_circle(points, velocities, *made_for.of(*stated), start, age)
+    if fit is None and (start is not None or made_for is not AS_STATED):
+        made_for = AS_STATED
+        fit = fit_circle(points, velocities, *stated, None, age)
     if fit is None:
-        return None, position_sigma, velocity_sigma
-    # Noise is seen from sample to sample, whatever the shape of the track.
-    seen = scatter(fit.radial) / float(np.mean(position_sigma))
-    if seen > _NOISIER:
-        position_sigma = position_sigma * seen
-        if np.isfinite(velocities[:, 0]).any():
-            turned = np.hypot(*fit.velocities.T) * position_sigma / fit.radius
-            stated = float(np.sqrt(np.nanmean(velocity_sigma**2 + turned**2)))
-            velocity_sigma = velocity_sigma * max(scatter(fit.along) / max(stated, 1e-9), 1.0)
+        return None, *stated, AS_STATED
+    seen = _seen(fit, samples, *stated)
+    if not made_for.is_like(seen):
         start = (fit.center, fit.radius, fit.drift)
-        again = fit_circle(points, velocities, position_sigma, velocity_sigma, start, age)
+        again = fit_circle(points, velocities, *seen.of(*stated), start, age)
         if again is not None:
             fit = again
-    return fit, position_sigma, velocity_sigma
+    return fit, *seen.of(*stated), seen
+
+
+def _seen(fit: CircleFit, samples: Samples, position_sigma, velocity_sigma) -> Scatter:
+    """Noise is seen from sample to sample, whatever the shape of the track."""
+    position = scatter(fit.radial) / float(np.mean(position_sigma))
+    if position <= _NOISIER:
+        return AS_STATED
+    velocity = 1.0
+    if np.isfinite(samples.velocities[:, 0]).any():
+        turned = np.hypot(*fit.velocities.T) * position * position_sigma / fit.radius
+        expected = float(np.sqrt(np.nanmean(velocity_sigma**2 + turned**2)))
+        velocity = max(scatter(fit.along) / max(expected, 1e-9), 1.0)
+    return Scatter(position, velocity)
 
 
 def circle_covariance(
@@ -147,6 +183,6 @@ def height(samples: Samples, correlation_time: float) -> tuple[float, float, np.
     gain = np.vstack([1.0 / n - age.mean() * by_sample, by_sample])
     white = max(squares / max(n - 2, 1), float(np.mean(samples.white_sigma**2)))
     # An error that varies as slowly as a climb moves the height whole.
-    held = np.exp(-(np.abs(age[:, None] - age)) / correlation_time)
-    correlated = gain * samples.correlated_sigma
-    return up, climb, white * gain @ gain.T + correlated @ held @ correlated.T
+    held = np.empty((2, 2))
+    correlated_form(gain * samples.correlated_sigma, age, correlation_time, held)
+    return up, climb, white * gain @ gain.T + held

@@ -71,10 +71,16 @@ def orbit_fields(orbit: Orbit) -> Record:
     }
 
 
+_WIND_FIELDS = (
+    "wind_source", "wind_east_m_s", "wind_north_m_s", "wind_east_std_m_s", "wind_north_std_m_s",
+    "wind_speed_m_s", "wind_from_deg", "wind_note",
+)  # fmt: skip
+
+
 def wind_fields(wind: Wind | None) -> Record:
-    """The wind believed; no direction where it is weaker than its error."""
+    """The wind believed; no direction where it is weaker than its error, nothing where unknown."""
     if wind is None:
-        return {"wind_source": None}
+        return dict.fromkeys(_WIND_FIELDS)
     east, north = np.sqrt(np.diag(wind.covariance))
     return {
         "wind_source": wind.source.value,
