@@ -9,10 +9,9 @@ to the last: that there is no wind, only a measured airspeed shows.
 
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import atan2, degrees, hypot, isfinite, nan, pi, radians, sqrt
+from math import atan2, degrees, hypot, isfinite, log, nan, pi, radians, sqrt
 
 import numpy as np
-from scipy.stats import chi2
 
 from ctcbs_ros.kernels.wind import refine_wind, wind_covariance
 from ctcbs_ros.orbit.orbit import Orbit
@@ -30,7 +29,8 @@ _LEAST_COURSE = 0.5
 _ANEW = 1.0 / 16.0
 _MOST_SAMPLES = 240
 # Squared distance of two winds, in units of its covariance, that chance does not explain.
-CONTRADICTION = float(chi2.ppf(0.999, 2))
+# chi^2 of two components is exponential: the quantile of 0.999.
+CONTRADICTION = -2.0 * log(1.0 - 0.999)
 # The same along one axis, as it is expected to be.
 _EXPECTED = 1.0
 
