@@ -254,7 +254,7 @@ def test_diagnostics_hold_every_figure_of_the_record():
         (WarningCode.BAD_FIX, Level.WARN, 0),
         (WarningCode.STALE_TELEMETRY, Level.ERROR, 0),
         (WarningCode.OUTSIDE_ENVELOPE, Level.WARN, 1),
-        (WarningCode.WIND_UNMODELLED, Level.WARN, 1),
+        (WarningCode.WIND_UNMODELLED, Level.WARN, 2),
         (WarningCode.NEAR_JUMP, Level.WARN, 2),
         (WarningCode.GROUND_PROXIMITY, Level.ERROR, 2),
         (WarningCode.UNSTABLE, Level.ERROR, 2),

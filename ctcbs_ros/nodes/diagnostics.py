@@ -15,9 +15,7 @@ from ctcbs_ros.telemetry.skip_code import SkipCode
 LEVELS = {Level.WARN: DiagnosticStatus.WARN, Level.ERROR: DiagnosticStatus.ERROR}
 # Where a warning is reported, if not under "prediction".
 TELEMETRY_WARNINGS = {WarningCode.BAD_FIX, WarningCode.STALE_TELEMETRY}
-ORBIT_WARNINGS = {
-    WarningCode.NOT_ORBITING, WarningCode.OUTSIDE_ENVELOPE, WarningCode.WIND_UNMODELLED
-}  # fmt: skip
+ORBIT_WARNINGS = {WarningCode.NOT_ORBITING, WarningCode.OUTSIDE_ENVELOPE}
 
 
 class Monitor:

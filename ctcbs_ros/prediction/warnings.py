@@ -11,7 +11,7 @@ from ctcbs_ros.prediction.prediction import EndMass
 from ctcbs_ros.prediction.wind_choice import described
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
-WIND_NOT_KNOWN = "wind is not known; the prediction is for still air"
+WIND_NOT_KNOWN = "wind is not known; the position holds in still air only"
 # Speed of the air past the circle, over that along it, from which the prediction for still air is
 # not to be used, and the wind's standard deviation from which one cannot tell.
 _WINDY = 0.05
@@ -94,8 +94,8 @@ def wind_warnings(wind: Wind | None, orbit: Orbit) -> list[Warning]:
         by = f"by {_SOURCES[wind.source]}" + (f": {wind.note}" if wind.note else "")
         circle = f", {past:.1f} m/s past a drifting circle" if orbit.drift.any() else ""
         text = (
-            f"wind {described(wind)}, +- {wind.sigma:.1f} m/s ({by}){circle}; the prediction is "
-            "for still air"
+            f"wind {described(wind)}, +- {wind.sigma:.1f} m/s ({by}){circle}; the position "
+            "holds in still air only: do not use it"
         )
         return [_warn(WarningCode.WIND_UNMODELLED, text)]
     return []
