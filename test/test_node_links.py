@@ -48,7 +48,7 @@ class Server:
         while not self._closing.is_set():
             try:
                 connection, _ = self._server.accept()
-            except TimeoutError:
+            except OSError:  # nobody came, or closed
                 continue
             with connection:
                 self._fly(connection)
@@ -82,9 +82,10 @@ class Server:
         return {message.get_type() for message in found}
 
     def close(self):
+        # The listening socket first: else the node may be back before it is gone.
+        self._server.close()
         self._closing.set()
         self._thread.join()
-        self._server.close()
 
 
 def test_tcp_server_that_goes_away_is_told_and_predictions_go_on_when_it_is_back(
