@@ -50,22 +50,26 @@ class _Pool(ProcessPoolExecutor):
 
 @contextmanager
 def _interrupt_put_off() -> Iterator[None]:
-    """Put SIGINT off to the end of the block.
+    """Put SIGINT and SIGTERM off to the end of the block.
 
-    Another thread may take the signal that this one blocks (a progress bar has one), and a worker
+    Another thread may take a signal that this one blocks (a progress bar has one), and a worker
     half started complains that its pipe is empty.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     came = []
-    handler = signal.signal(signal.SIGINT, lambda *_: came.append(True))
+    before = {
+        number: signal.signal(number, lambda number, _: came.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
+        for number, handler in before.items():
+            signal.signal(number, handler)
         if came:
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(came[0])
 
 
 def _end_with_parent() -> None:
