@@ -1,0 +1,1 @@
+"""The cable in time: a nonlinear elastic lumped-mass line towed along any path, in any wind."""

@@ -1,0 +1,291 @@
+"""Motion of a lumped-mass cable in time, with the step chosen by its error.
+
+A Rosenbrock method (`rosenbrock`) solves one block-tridiagonal system per step, of 3 x 3 blocks:
+with positions x, velocities v, masses M, forces F and c = 1/(G h), both halves of a stage
+
+    c u_x - u_v = p,  c M u_v - F_x u_x - F_v u_v = M q
+
+leave (c M - F_v - F_x/c) u_v = M q + F_x p/c. Axial waves that the step does not resolve are
+damped by the method; nothing limits the step but its error.
+"""
+
+import numpy as np
+from numba import njit
+
+from ctcbs_ros.kernels import rosenbrock as pair
+from ctcbs_ros.kernels.block_tridiagonal import factorise, solve
+from ctcbs_ros.kernels.cable_forces import N_END, derivatives, forces, masses
+from ctcbs_ros.kernels.piecewise import evaluate
+
+_STAGES, _G = pair.STAGES, pair.G
+_A, _C, _D, _ALPHA = pair.A, pair.C, pair.D, pair.ALPHA
+OK, TOO_MANY_STEPS, NOT_FINITE, NO_LENGTH = range(4)
+_FUSED = {"contract"}
+
+
+@njit(cache=True)
+def drive_at(drive, t, inside, x, v, wind, end, scratch):
+    """Put the tow point into the last rows of x and v; write the wind and the end mass.
+
+    drive : four signals (`piecewise`): tow point (3), wind (3), length (1), end mass (3).
+    scratch : (3,) array, left with the tow point's acceleration.
+
+    Returns
+    -------
+    length, length_rate, length_second : float
+    """
+    n = x.shape[0] - 1
+    three, four = np.empty(3), np.empty(3)
+    evaluate(drive[1][0], drive[1][1], t, inside, wind, three, four)
+    evaluate(drive[3][0], drive[3][1], t, inside, end, three, four)
+    one, rate, second = np.empty(1), np.empty(1), np.empty(1)
+    evaluate(drive[2][0], drive[2][1], t, inside, one, rate, second)
+    evaluate(drive[0][0], drive[0][1], t, inside, x[n], v[n], scratch)
+    return one[0], rate[0], second[0]
+
+
+@njit(cache=True, fastmath=_FUSED)
+def accelerations(drive, line, t, inside, x, v, out):
+    """Write the accelerations of nodes 0 .. n-1 at a time to `out`, (n, 3).
+
+    The last rows of x and v are set to the tow point's.
+    """
+    n = x.shape[0] - 1
+    wind, end, scratch, mass = np.empty(3), np.empty(N_END), np.empty(3), np.empty(n)
+    length, rate, second = drive_at(drive, t, inside, x, v, wind, end, scratch)
+    forces(x, v, line, end, wind, length, rate, second, out)
+    masses(line, end, length, n, mass)
+    for i in range(n):
+        for a in range(3):
+            out[i, a] /= mass[i]
+
+
+@njit(cache=True)
+def _steady(drive):
+    """Whether wind, length and end mass never change."""
+    for k in range(1, 4):
+        if np.any(drive[k][1][1:] != 0.0) or drive[k][0].shape[0] > 2:
+            return False
+    return True
+
+
+@njit(cache=True, fastmath=_FUSED)
+def advance(drive, line, stops, tolerance, scale_x, scale_v, most_steps, t, t_end, h, x, v,
+            times, out_x, out_v):  # fmt: skip
+    """Integrate from t to t_end, writing the states at the rising `times` in between.
+
+    Parameters
+    ----------
+    drive : four signals
+        As in `drive_at`.
+    line : (5,) array
+    stops : (k,) array
+        Rising times at which a signal or its slope may jump; steps end there.
+    tolerance : float
+        Error of a step allowed in positions and velocities, in units of the scales.
+    scale_x, scale_v : float
+    most_steps : int
+    t, t_end, h : float
+        h is the first step to try.
+    x, v : (n + 1, 3) arrays
+        State at t, replaced by that reached.
+    times : (m,) array
+    out_x, out_v : (m, n + 1, 3) arrays, written
+        By the quintic through positions, velocities and accelerations at both ends of a step.
+
+    Returns
+    -------
+    status : int
+    t, h : float
+        Time reached, and the step to go on with.
+    steps, rejected : int
+    """
+    n = x.shape[0] - 1
+    steady = _steady(drive)
+    mass, mass_now = np.empty(n), np.empty(n)
+    by_x, by_v = np.empty((3, n, 3, 3)), np.empty((3, n, 3, 3))
+    lower, diagonal, upper = np.empty((n, 3, 3)), np.empty((n, 3, 3)), np.empty((n, 3, 3))
+    u_x, u_v = np.empty((_STAGES, n, 3)), np.empty((_STAGES, n, 3))
+    y_x, y_v = np.empty((n + 1, 3)), np.empty((n + 1, 3))
+    force, p = np.empty((n, 3)), np.empty((n, 3))
+    start, finish, driven = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    wind, end, tow_a, scratch = np.empty(3), np.empty(N_END), np.empty(3), np.empty(3)
+    tow_start = np.empty(3)
+    steps, rejected, next_stop, next_time = 0, 0, 0, 0
+    fresh = True
+    while next_time < times.shape[0] and times[next_time] <= t:
+        inside = t
+        drive_at(drive, t, inside, x, v, wind, end, scratch)
+        out_x[next_time], out_v[next_time] = x, v
+        next_time += 1
+    tiny = 1e-13 * max(abs(t), abs(t_end), t_end - t)
+    while t_end - t > tiny:
+        if steps + rejected >= most_steps:
+            return TOO_MANY_STEPS, t, h, steps, rejected
+        while next_stop < stops.shape[0] and stops[next_stop] <= t + tiny:
+            next_stop += 1
+        target = t_end
+        if next_stop < stops.shape[0] and stops[next_stop] < t_end:
+            target = stops[next_stop]
+        step = h
+        last = step >= (target - t) * (1.0 - 1e-9)
+        if last:
+            step = target - t
+        middle = t + 0.5 * step
+        length, rate, second = drive_at(
+            drive, t, t + 1e-9 * step, x, v, wind, end, tow_a
+        )
+        if not length > 0.0:
+            return NO_LENGTH, t, h, steps, rejected
+        masses(line, end, length, n, mass)
+        if fresh:
+            forces(x, v, line, end, wind, length, rate, second, force)
+            for i in range(n):
+                for a in range(3):
+                    start[i, a] = force[i, a] / mass[i]
+            derivatives(x, v, line, end, wind, length, rate, second, by_x, by_v)
+            for a in range(3):
+                tow_start[a] = tow_a[a]
+            # Explicit time derivative of the accelerations, times the masses: through the tow
+            # point, and by differences through all else that changes.
+            driven[:] = 0.0
+            for a in range(3):
+                for b in range(3):
+                    driven[n - 1, a] += (
+                        by_x[2, n - 1, a, b] * v[n, b] + by_v[2, n - 1, a, b] * tow_a[b]
+                    )
+            if not steady:
+                y_x[:], y_v[:] = x, v
+                delta = 1e-4 * step
+                length_1, rate_1, second_1 = drive_at(
+                    drive, t + delta, t + delta, y_x, y_v, wind, end, scratch
+                )
+                y_x[n], y_v[n] = x[n], v[n]
+                forces(y_x, y_v, line, end, wind, length_1, rate_1, second_1, force)
+                masses(line, end, length_1, n, mass_now)
+                for i in range(n):
+                    for a in range(3):
+                        driven[i, a] += (
+                            (force[i, a] / mass_now[i] - start[i, a]) * mass[i] / delta
+                        )
+            fresh = False
+        c = 1.0 / (_G * step)
+        per_c = 1.0 / c
+        for i in range(n):
+            for a in range(3):
+                for b in range(3):
+                    lower[i, a, b] = -by_v[0, i, a, b] - by_x[0, i, a, b] * per_c
+                    diagonal[i, a, b] = -by_v[1, i, a, b] - by_x[1, i, a, b] * per_c
+                    upper[i, a, b] = -by_v[2, i, a, b] - by_x[2, i, a, b] * per_c
+                diagonal[i, a, a] += c * mass[i]
+        factorise(lower, diagonal, upper)
+        per_h = 1.0 / step
+        for s in range(_STAGES):
+            if s == 0:
+                for i in range(n):
+                    for a in range(3):
+                        p[i, a] = v[i, a]
+                        u_v[0, i, a] = start[i, a] * mass[i]
+            else:
+                for i in range(n):
+                    for a in range(3):
+                        sum_x, sum_v = x[i, a], v[i, a]
+                        for j in range(s):
+                            sum_x += _A[s, j] * u_x[j, i, a]
+                            sum_v += _A[s, j] * u_v[j, i, a]
+                        y_x[i, a], y_v[i, a] = sum_x, sum_v
+                now = t + _ALPHA[s] * step
+                length_1, rate_1, second_1 = drive_at(
+                    drive, now, middle + (now - middle) * (1.0 - 1e-9), y_x, y_v, wind, end,
+                    scratch,
+                )
+                forces(y_x, y_v, line, end, wind, length_1, rate_1, second_1, force)
+                masses(line, end, length_1, n, mass_now)
+                for i in range(n):
+                    for a in range(3):
+                        sum_x, sum_v = 0.0, 0.0
+                        for j in range(s):
+                            sum_x += _C[s, j] * u_x[j, i, a]
+                            sum_v += _C[s, j] * u_v[j, i, a]
+                        p[i, a] = y_v[i, a] + sum_x * per_h
+                        u_v[s, i, a] = mass[i] * (force[i, a] / mass_now[i] + sum_v * per_h)
+            for i in range(n):
+                for a in range(3):
+                    total = 0.0
+                    for b in range(3):
+                        total += by_x[1, i, a, b] * p[i, b]
+                        if i > 0:
+                            total += by_x[0, i, a, b] * p[i - 1, b]
+                        if i < n - 1:
+                            total += by_x[2, i, a, b] * p[i + 1, b]
+                    u_v[s, i, a] += per_c * total + step * _D[s] * driven[i, a]
+            solve(lower, diagonal, upper, u_v[s])
+            for i in range(n):
+                for a in range(3):
+                    u_x[s, i, a] = (p[i, a] + u_v[s, i, a]) * per_c
+        sum_x, sum_v = 0.0, 0.0
+        for i in range(n):
+            for a in range(3):
+                sum_x = max(sum_x, abs(u_x[_STAGES - 1, i, a]))
+                sum_v += u_v[_STAGES - 1, i, a] ** 2
+        error = max(sum_x / scale_x, np.sqrt(sum_v / n) / scale_v) / tolerance
+        if not np.isfinite(error):
+            rejected += 1
+            h = 0.1 * step
+            if h <= tiny:
+                return NOT_FINITE, t, h, steps, rejected
+            continue
+        factor = min(4.0, max(0.2, 0.9 * error**-0.25)) if error > 0.0 else 4.0
+        if error > 1.0:
+            rejected += 1
+            h = step * min(factor, 0.9)
+            if h <= tiny:
+                return NOT_FINITE, t, h, steps, rejected
+            continue
+        t_new = target if last else t + step
+        for i in range(n):
+            for a in range(3):
+                y_x[i, a] += u_x[_STAGES - 1, i, a]
+                y_v[i, a] += u_v[_STAGES - 1, i, a]
+        if next_time < times.shape[0] and times[next_time] <= t_new + tiny:
+            length, rate, second = drive_at(
+                drive, t_new, t_new - 1e-9 * step, y_x, y_v, wind, end, scratch
+            )
+            forces(y_x, y_v, line, end, wind, length, rate, second, force)
+            masses(line, end, length, n, mass_now)
+            for i in range(n):
+                for a in range(3):
+                    finish[i, a] = force[i, a] / mass_now[i]
+            while next_time < times.shape[0] and times[next_time] <= t_new + tiny:
+                _between(times[next_time] - t, step, x, v, start, y_x, y_v, finish,
+                         out_x[next_time], out_v[next_time])  # fmt: skip
+                drive_at(drive, times[next_time], middle, out_x[next_time], out_v[next_time],
+                         wind, end, scratch)  # fmt: skip
+                next_time += 1
+        x[:], v[:] = y_x, y_v
+        t = t_new
+        steps += 1
+        fresh = True
+        h = max(h, step * factor) if last else step * factor
+    drive_at(drive, t_end, t_end - tiny, x, v, wind, end, scratch)
+    return OK, t, h, steps, rejected
+
+
+@njit(cache=True)
+def _between(s, h, x0, v0, a0, x1, v1, a1, x, v):
+    """Write the quintic's position and velocity of nodes 0 .. n-1 at a time s into a step h."""
+    for i in range(a0.shape[0]):
+        for a in range(3):
+            p = x1[i, a] - x0[i, a] - h * (v0[i, a] + 0.5 * h * a0[i, a])
+            q = h * (v1[i, a] - v0[i, a] - h * a0[i, a])
+            r = h * h * (a1[i, a] - a0[i, a])
+            c3 = 10.0 * p - 4.0 * q + 0.5 * r
+            c4 = -15.0 * p + 7.0 * q - r
+            c5 = 6.0 * p - 3.0 * q + 0.5 * r
+            z = s / h
+            x[i, a] = x0[i, a] + s * (v0[i, a] + 0.5 * s * a0[i, a]) + z**3 * (
+                c3 + z * (c4 + z * c5)
+            )
+            v[i, a] = v0[i, a] + s * a0[i, a] + z * z / h * (
+                3.0 * c3 + z * (4.0 * c4 + z * 5.0 * c5)
+            )
