@@ -77,6 +77,24 @@ class Line:
         line[DRAG] = self.drag
         return line
 
+    def scaled(self, length_unit: float, time_unit: float, mass_unit: float) -> "Line":
+        """The same line with every quantity times its unit, as from non-dimensional to SI.
+
+        For `line_of`'s lines the units are a, 1/Omega and mu a.
+        """
+        force = mass_unit * length_unit / time_unit**2
+        return Line(
+            mass_per_length=self.mass_per_length * mass_unit / length_unit,
+            stiffness=self.stiffness * force,
+            weight_per_length=self.weight_per_length * force / length_unit,
+            drag=self.drag * mass_unit / length_unit**2,
+            length=self.length * length_unit,
+            end_mass=self.end_mass * mass_unit,
+            end_weight=self.end_weight * force,
+            end_drag=self.end_drag * mass_unit / length_unit,
+            damping=self.damping * time_unit,
+        )
+
     @property
     def end(self) -> np.ndarray:
         """End mass, its weight and its drag for the kernels, (3,)."""

@@ -88,5 +88,5 @@ def loads(line: Line, driven: Drive, motion: Motion) -> Loads:
         potential=np.einsum("mi,mi->m", weight, x[:, :-1, 2]),
         tow_power=tensions[:, -1] * np.einsum("ma,ma->m", t[:, -1], v[:, -1]),
         air_power=np.einsum("mia,mia->m", on_nodes[:, :-1], free),
-        dashpot_power=np.einsum("mj,mj->m", np.minimum(spring - tensions, np.inf), opening * h),
+        dashpot_power=np.einsum("mj,mj->m", spring - tensions, opening * h),
     )
