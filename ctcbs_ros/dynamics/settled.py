@@ -1,0 +1,93 @@
+"""What a motion comes to: the end mass over the last orbit, and the extremes of the whole run."""
+
+from dataclasses import dataclass
+from math import atan2, pi
+
+import numpy as np
+
+from ctcbs_ros.dynamics.cable import Drive, Motion
+from ctcbs_ros.dynamics.line import Line
+from ctcbs_ros.dynamics.loads import loads
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Figures of a motion, in the units it was simulated in.
+
+    Attributes
+    ----------
+    radius, least_radius, greatest_radius : float
+        Mean and extremes of the end mass's distance from the axis, over the last period.
+    depth, least_depth, greatest_depth : float
+        The same of its depth below the tow point.
+    phase_lag : float
+        Mean angle by which the tow point is ahead over the last period, in [0, 2 pi).
+    mean_position : (3,) ndarray
+        Of the end mass over the last period.
+    settled : bool
+        Whether radius and depth differ from those of the period before by less than a thousandth
+        of the cable's length, all the way.
+    greatest_tension : float
+        Of all segments at all times given.
+    lowest : float
+        Least height of any node at any of these times.
+    greatest_excursion : float
+        Greatest distance of the end mass from the axis at any of these times.
+    slack : float
+        Share of the times at which some segment is slack.
+    """
+
+    radius: float
+    least_radius: float
+    greatest_radius: float
+    depth: float
+    least_depth: float
+    greatest_depth: float
+    phase_lag: float
+    mean_position: np.ndarray
+    settled: bool
+    greatest_tension: float
+    lowest: float
+    greatest_excursion: float
+    slack: float
+
+
+def outcome(line: Line, driven: Drive, motion: Motion, period: float) -> Outcome:
+    """What a motion comes to.
+
+    Parameters
+    ----------
+    line : Line
+    driven : Drive
+    motion : Motion
+        At evenly spaced times, at least 8 a period.
+    period : float
+        Of the tow point's orbit, about the z axis.
+    """
+    end, top = motion.positions[:, 0], motion.positions[:, -1]
+    radius = np.hypot(end[:, 0], end[:, 1])
+    depth = top[:, 2] - end[:, 2]
+    each = round(period / (motion.times[1] - motion.times[0]))
+    last = slice(max(0, len(radius) - each), None)
+    before = slice(max(0, len(radius) - 2 * each), max(0, len(radius) - each))
+    ahead = (top[last, 0] + 1j * top[last, 1]) * (end[last, 0] - 1j * end[last, 1])
+    mean = np.mean(ahead / np.maximum(np.abs(ahead), 1e-300))
+    settled = len(radius) >= 2 * each and all(
+        np.abs(q[last] - q[before]).max() < 1e-3 * line.length for q in (radius, depth)
+    )
+    found = loads(line, driven, motion)
+    return Outcome(
+        radius=float(radius[last].mean()),
+        least_radius=float(radius[last].min()),
+        greatest_radius=float(radius[last].max()),
+        depth=float(depth[last].mean()),
+        least_depth=float(depth[last].min()),
+        greatest_depth=float(depth[last].max()),
+        phase_lag=atan2(mean.imag, mean.real) % (2.0 * pi),
+        mean_position=end[last].mean(axis=0),
+        settled=settled,
+        greatest_tension=float(found.tensions.max()),
+        lowest=float(motion.positions[..., 2].min()),
+        greatest_excursion=float(radius.max()),
+        slack=float(np.mean((found.tensions == 0.0).any(axis=1))),
+    )
