@@ -51,12 +51,11 @@ def test_the_motion_is_the_references_by_another_integrator():
     times = np.linspace(0.0, 4.0, 9)
     peer = LumpedMass(point, n)
     expected = peer.simulate(rest.positions[:-1].ravel(), push[:-1].ravel(), times)
+    line = line_of(state.parameters)
+    driven = drive(line, circle(1.0, 1.0, 0.0, 5.0))
     found = []
     for tolerance in (1e-5, 1e-7):
-        motion = simulate(
-            line_of(state.parameters), drive(line_of(state.parameters), circle(1.0, 1.0, 0.0, 5.0)),
-            start, times, tolerance,
-        )  # fmt: skip
+        motion = simulate(line, driven, start, times, tolerance)
         mass = turned(motion.positions[:, 0], times)
         found.append(np.abs(mass - expected[:, :3]).max())
     assert found[0] < 2e-6
@@ -305,11 +304,12 @@ def test_bad_input_is_refused_and_nothing_infinite_carried_on():
         drive(line, STILL, wind=constant([1.0]))
     with pytest.raises(InputError, match="tow point: times must rise"):
         spline([0.0, 1.0, 1.0], np.zeros((3, 3)), "tow point")
+    hauled = drive(line, STILL, length=linear([0.0, 5.0], [3.0, -1.0]))
     with pytest.raises(InputError, match="length"):
-        simulate(line, drive(line, STILL, length=linear([0.0, 5.0], [3.0, -1.0])), start, [9.0])
+        simulate(line, hauled, start, [9.0])
+    lost = drive(line, STILL, end=steps([1.0], [[2.0, 2.0, 0.3], [0.0, 0.0, 0.0]]))
     with pytest.raises(InputError, match="end mass"):
-        lost = steps([1.0], [[2.0, 2.0, 0.3], [0.0, 0.0, 0.0]])
-        simulate(line, drive(line, STILL, end=lost), start, [9.0])
+        simulate(line, lost, start, [9.0])
     with pytest.raises(InputError, match="times"):
         simulate(line, drive(line, STILL), start, [1.0, 1.0])
     broken = CableState(0.0, np.full((6, 3), np.nan), np.zeros((6, 3)))

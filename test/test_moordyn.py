@@ -12,7 +12,8 @@ import pytest
 from points import STRETCHED, design, parameters
 from reference_lumped_mass import extrapolate
 
-from ctcbs_ros.bench.peer_moordyn import DENSITY, tow
+from ctcbs_ros.bench.cable_rows import entry
+from ctcbs_ros.bench.peer_moordyn import DENSITY, RAMP, tow
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
 
@@ -50,3 +51,18 @@ def test_moordyn_settles_at_the_decay_rate_and_frequency_of_the_margin(tmp_path)
     decay = np.polyfit(angle[crossings[:15]], np.log(peaks), 1)[0]
     assert decay == pytest.approx(found.growth_rate, rel=0.03)
     assert abs(log(peaks[0] / peaks[-1])) > 0.7
+
+
+@pytest.mark.parametrize("point", [STRETCHED, design(250.0)], ids=["stretched", "design"])
+def test_an_entry_into_the_circle_is_moordyns_all_the_way(point, tmp_path):
+    towed = tow(tmp_path, parameters(point), 40, 500.0)
+    p = parameters({**point, "rho": DENSITY}, damping=towed.damping)
+    times = np.arange(1, len(towed.history) + 1) * 0.1 * towed.rate
+    found = entry(p, 40, RAMP * towed.rate, times)
+    away = np.abs(found - towed.history[:, 1:])
+    # the discretisations differ, MoorDyn's drag is that of nodes: see the steady states above
+    assert away[:, :2].max() < 2e-3
+    assert away[-1, :2].max() < 6e-4
+    if point is STRETCHED:
+        # at the end radius, depth and lag to 0.1 %, each
+        assert found[-1] == pytest.approx(towed.history[-1, 1:], rel=1e-3)

@@ -1,6 +1,6 @@
 """The rows of the benchmark: what is measured, how good it must be, and against whom."""
 
-from ctcbs_ros.bench import flight_rows, solver_rows
+from ctcbs_ros.bench import cable_rows, flight_rows, solver_rows
 from ctcbs_ros.bench.row import Row
 
 _US, _MS, _MB = 1e-6, 1e-3, 1e6
@@ -34,6 +34,14 @@ ROWS = (
     Row(
         "settle", "the elastic steady state that MoorDyn settles to", None,
         "MoorDyn, 20 segments, to 1 %", solver_rows.settle,
+    ),
+    Row(
+        "cable-600", "the cable in time, 40 segments, gamma 600: 8 orbits from rest", None,
+        "MoorDyn, RK4, longest stable step", cable_rows.soft, needed=0.5,
+    ),
+    Row(
+        "cable-60000", "the same with gamma 60,000: 4 orbits from rest", None,
+        "MoorDyn, RK4, longest stable step", cable_rows.stiff, needed=0.1,
     ),
     Row(
         "table-build", "table of the default envelope, every core", 10.0,

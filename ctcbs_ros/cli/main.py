@@ -97,8 +97,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in (
-        steady, branch, cusp, critical_drag, design, figures, table, replay, simulate, simulate_cable,
-        bench, orbit_study, wind_study, pose_study,
+        steady, branch, cusp, critical_drag, design, figures, table, replay, simulate,
+        simulate_cable, bench, orbit_study, wind_study, pose_study,
     ):  # fmt: skip
         command.add_parser(commands)
     return parser

@@ -1,10 +1,9 @@
-"""`ctcbs simulate-cable`: the cable in time, on a circle or a track, in wind, with winch and drops.
+"""`ctcbs simulate-cable`: the cable in time, on a circle or a track, in wind, reeled, released.
 
 All that is driven is non-dimensional inside (radii a, times 1/Omega, masses mu a); with --config
 what the user gives and gets is in SI.
 """
 
-import argparse
 import csv
 from dataclasses import asdict, replace
 from math import inf, isfinite, pi

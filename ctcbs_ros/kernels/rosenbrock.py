@@ -1,4 +1,4 @@
-"""Steinebach's Rosenbrock pair RODASP of order 4(3): linearly implicit, L-stable, stiffly accurate.
+"""Steinebach's Rosenbrock pair RODASP: order 4(3), linearly implicit, L-stable, stiffly accurate.
 
 For y' = f(t, y), J = df/dy, with the stages u_i in the form that needs no product with J:
 

@@ -1,0 +1,113 @@
+"""`ctcbs simulate-cable`: what it prints and writes, in both systems of units, and bad input."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from points import STRETCHED, design, parameters
+
+from ctcbs_ros.cli.main import main
+from ctcbs_ros.solver.steady_state import steady_states
+
+POINT = "--omega 1.6 --length 3 --end-mass 50 --cable-drag 10 --drag-ratio 1 --segments 20"
+FLIGHT = "--config config/design_example.yaml --radius 250 --speed 50 --segments 20"
+
+
+def run(arguments, capsys):
+    assert main(["simulate-cable", *arguments.split(), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)["end"]
+
+
+def test_from_hanging_the_mass_settles_in_the_steady_state(capsys):
+    end = run(f"{POINT} --start hanging --orbits 45 --damping 0.005", capsys)
+    (state,) = steady_states(parameters(STRETCHED)).states
+    assert end["settled"]
+    assert end["radius"] == pytest.approx(state.end_mass_radius, abs=1e-3)
+    assert end["depth"] == pytest.approx(state.depth, abs=1e-3)
+    assert end["phase_lag"] == pytest.approx(state.phase_lag, abs=1e-2)
+
+
+def test_reeled_out_in_si_the_mass_ends_in_the_steady_state_of_the_new_length(capsys):
+    end = run(f"{FLIGHT} --cable-length 700 --reel-to 1000 --reel-rate 3 --orbits 14", capsys)
+    # docs/thesis.md: 0.0800 of 250 m at 1000 m of cable
+    (state,) = steady_states(parameters(design(250.0))).states
+    assert end["radius"] == pytest.approx(250.0 * state.end_mass_radius, abs=0.25)
+    assert end["depth"] == pytest.approx(250.0 * state.depth, abs=0.5)
+
+
+def test_a_wind_of_a_twentieth_moves_the_design_examples_mass_far_downwind(capsys):
+    # physics of still air against wind: 2.5 m/s move it by about 0.6 of the tow radius
+    end = run(f"{FLIGHT} --wind 2.5,0 --orbits 20", capsys)
+    assert end["mean_position"][0] == pytest.approx(0.58 * 250.0, rel=0.1)
+
+
+def test_a_stretching_cable_near_resonance_goes_upwind(capsys):
+    # MoorDyn finds the same (docs/thesis.md); a stiff cable goes downwind
+    soft = run(f"{POINT} --wind 0.1,0 --orbits 50 --elasticity 600", capsys)
+    stiff = run(f"{POINT} --wind 0.1,0 --orbits 50 --elasticity 60000", capsys)
+    assert soft["mean_position"][0] < -0.02
+    assert stiff["mean_position"][0] > 0.02
+
+
+def test_a_rough_entry_misses_a_stable_steady_state(capsys):
+    # m 3.5, l 3, f 0.1, d_n 1.33, omega 2.4, gamma 600: steady at 0.32, and stable
+    light = "--omega 2.4 --length 3 --end-mass 3.5 --cable-drag 1.33 --drag-ratio 0.1"
+    rough = f"{light} --elasticity 600 --segments 15 --orbits 25 --tolerance 1e-3"
+    end = run(f"{rough} --start hanging", capsys)
+    assert not end["settled"]
+    assert 1.0 < end["least_radius"] < 1.5
+    assert 2.0 < end["greatest_radius"] < 3.0
+    gentle = run(rough, capsys)
+    assert gentle["settled"]
+    assert gentle["radius"] == pytest.approx(0.32, abs=0.01)
+
+
+def test_a_track_is_flown_and_the_csv_tells_where_everything_was(tmp_path, capsys):
+    track, out = tmp_path / "track.csv", tmp_path / "out.csv"
+    t = np.linspace(0.0, 100.0, 201)
+    with open(track, "w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow("txyz")
+        writer.writerows(zip(t, 250.0 + 20.0 * t, 0.0 * t, 500.0 + 0.0 * t, strict=True))
+    run(f"{FLIGHT} --track {track} -o {out}", capsys)
+    with open(out, newline="") as file:
+        rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
+    assert rows[-1]["t"] == pytest.approx(100.0)
+    assert rows[-1]["tow_point_x"] == pytest.approx(2250.0)
+    assert rows[-1]["end_mass_x"] < 2000.0  # trails behind
+    assert rows[0]["tension_tow_point"] > 9.8
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (f"{POINT} --wind 2,0", "below the tow speed"),
+        (f"{POINT} --wind nan,0", "--wind nan,0"),
+        (f"{POINT} --reel-to -1 --reel-rate 1", "--reel-to"),
+        (f"{POINT} --reel-to 4", "only together"),
+        (f"{POINT} --new-end-mass 0 --new-after 1", "--new-end-mass"),
+        (f"{POINT} --track nowhere.csv", "nowhere.csv"),
+        (f"{POINT} --radius 3", "only with --config"),
+    ],
+)
+def test_bad_input_is_one_line_and_2(arguments, message, capsys):
+    assert main(["simulate-cable", *arguments.split()]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [(lambda x: x[:10] + x[60:], "a gap"),
+     (lambda x: [*x[:10], (5.0, 9e4, 0, 0), *x[11:]], "jump"),
+     (lambda x: x[:2], "not enough"), (lambda x: [("a", 0, 0, 0)], "numbers")],
+)  # fmt: skip
+def test_a_track_with_a_gap_or_a_jump_is_refused(change, message, tmp_path, capsys):
+    rows = [(0.5 * i, 10.0 * i, 0.0, 0.0) for i in range(100)]
+    file = tmp_path / "track.csv"
+    with open(file, "w", newline="") as handle:
+        csv.writer(handle).writerows([("t", "x", "y", "z"), *change(rows)])
+    assert main(["simulate-cable", *FLIGHT.split(), "--track", str(file)]) == 2
+    assert message in capsys.readouterr().err
