@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from points import STRETCHED, design, figure_3_1, figure_4_1, parameters
+from reference_integrators import generalised_alpha, longest_step, runge_kutta
 from reference_lumped_mass import LumpedMass, extrapolate, radius_depth_lag
 
 from ctcbs_ros.dynamics.cable import (
@@ -60,6 +61,29 @@ def test_the_motion_is_the_references_by_another_integrator():
         found.append(np.abs(mass - expected[:, :3]).max())
     assert found[0] < 2e-6
     assert found[1] < 2e-8
+
+
+def test_explicit_and_implicit_peers_find_the_same_motion_in_a_rising_wind():
+    (state,) = steady_states(parameters(STRETCHED)).states
+    line, start, span = line_of(state.parameters), equilibrium(state, 20), 6.0
+    driven = drive(
+        line, circle(1.0, 1.0, 0.0, span), linear([1.0, 5.0], [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    )
+    found = simulate(line, driven, start, [span], 1e-6).positions[0]
+    moved = np.abs(found - simulate(line, drive(line, driven.tow_point), start, [span]).positions)
+    assert moved.max() > 0.03
+    others = (driven.compiled, line.packed(), 0.0)
+    count = int(span / longest_step(line, 20) / 0.4)
+    x, v = start.positions.copy(), start.velocities.copy()
+    runge_kutta(*others, span / count, count, x, v)
+    assert found == pytest.approx(x, abs=1e-5)
+    off = []
+    for count in (200, 400):
+        x, v = start.positions.copy(), start.velocities.copy()
+        generalised_alpha(*others, span / count, count, x, v, 0.8, 1e-9)
+        off.append(np.abs(found - x).max())
+    assert off[1] < 3e-5
+    assert off[0] / off[1] == pytest.approx(4.0, rel=0.15)
 
 
 @pytest.mark.parametrize("stiffness", [600.0, 60000.0])
