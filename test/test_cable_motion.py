@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from points import STRETCHED, design, figure_3_1, figure_4_1, parameters
+from points import STRETCHED, design, figure_3_1, figure_4_1, parameters, random_points
 from reference_integrators import generalised_alpha, longest_step, runge_kutta
 from reference_lumped_mass import LumpedMass, extrapolate, radius_depth_lag
 
@@ -131,6 +131,18 @@ def test_the_discretised_steady_state_is_of_second_order_in_segments():
         assert extrapolate(found[1], found[2]) == pytest.approx(exact, abs=2e-6)
 
 
+@pytest.mark.parametrize("gamma", [600.0, 1e6])
+def test_every_steady_state_is_found_among_the_discretised_ones(gamma):
+    found = 0
+    for point in random_points(12, 3, False):
+        for state in steady_states(parameters({**point, "gamma": gamma})).states:
+            rest = equilibrium(state, 40)
+            radius, depth, _ = radius_depth_lag(rest.positions.ravel())
+            assert (radius, depth) == pytest.approx((state.end_mass_radius, state.depth), abs=0.03)
+            found += 1
+    assert found >= 12
+
+
 @pytest.mark.parametrize(
     "point", [STRETCHED, {**STRETCHED, "gamma": 6e4}, design(250.0)],
     ids=["stretched", "stiff", "design"],
@@ -191,10 +203,13 @@ def least_damped(state, n, span, settle, modes, disturbance=1e-5):
         ({**figure_3_1(4.8, 1.09), "gamma": 1e6}, 1, 80.0, 50.0, 2, (20, 40)),
         # flutter in the narrow window of Fig. 4.1, and a stable state
         ({**figure_4_1(1.33, 2.0), "gamma": 600.0}, 0, 150.0, 70.0, 4, (40, 80)),
+        ({**figure_4_1(1.33, 2.0), "gamma": 6e4}, 0, 130.0, 60.0, 4, (40, 80)),
+        ({**figure_4_1(1.33, 3.4), "gamma": 600.0}, 0, 90.0, 40.0, 4, (40, 80)),
         ({**figure_4_1(1.33, 1.9), "gamma": 600.0}, 0, 150.0, 70.0, 4, (40, 80)),
         (STRETCHED, 0, 120.0, 40.0, 4, (20, 40)),
     ],
-    ids=["divergence", "divergence-rigid", "flutter", "flutter-edge", "stable"],
+    ids=["divergence", "divergence-rigid", "flutter", "flutter-rigid", "flutter-wide", "edge",
+         "stable"],
 )
 def test_a_small_disturbance_goes_as_the_eigenvalue_says(
     point, which, span, settle, modes, segments
@@ -206,38 +221,59 @@ def test_a_small_disturbance_goes_as_the_eigenvalue_says(
     assert found[1] == pytest.approx(expected.frequency, rel=0.02, abs=1e-6)
 
 
-def test_a_slow_ramp_jumps_past_the_fold_by_the_known_delay():
-    # thesis Fig. 3.1, d_n 4.8, nearly inextensible: 2.3 -> 0.5 rising
-    def states(omega):
-        return steady_states(parameters({**figure_3_1(4.8, omega), "gamma": 6e4})).states
+def between_folds(omega):
+    """States of thesis Fig. 3.1 at d_n 4.8, nearly inextensible."""
+    return steady_states(parameters({**figure_3_1(4.8, omega), "gamma": 6e4})).states
 
-    low, high = 1.05, 1.12
-    while high - low > 1e-7:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if len(states(middle)) == 3 else (low, middle)
-    fold, rate, n = low, 2.5e-4, 20
-    # near a fold lambda^2 = 4 k (omega_fold - omega); a ramp passes it by 2.338 (rate^2/k)^(1/3)
-    # (Airy's first zero; Haberman, SIAM J. Appl. Math. 37, 1979)
-    near = 0.002
-    k = stability(states(fold - near)[2]).growth_rate ** 2 / (4.0 * near)
-    delay = 2.338 * (rate**2 / k) ** (1.0 / 3.0)
-    first = fold - 0.03
-    span = 0.1 / rate
+
+def fold_between(three, one):
+    """Omega at which two of three states are lost on the way to where there is one."""
+    while abs(one - three) > 1e-7:
+        middle = 0.5 * (three + one)
+        three, one = (middle, one) if len(between_folds(middle)) == 3 else (three, middle)
+    return three
+
+
+def ramp(first, which, rate, change, passed):
+    """Radii over a ramp of omega from one steady state, and omega where the mass passes one."""
+    start = between_folds(first)[which]
+    line = line_of(start.parameters)
+    span = change / abs(rate)
 
     def place(t):
         angle = t + 0.5 * rate / first * t * t
         return np.stack([np.cos(angle), np.sin(angle), 0.0 * t], axis=-1)
 
-    start = states(first)[2]
-    line = line_of(start.parameters)
     tow = sampled(place, 0.0, span, 2.0 * np.pi / 200.0)
     times = np.linspace(0.0, span, 800)
-    motion = simulate(line, drive(line, tow), equilibrium(start, n), times, 1e-3)
+    motion = simulate(line, drive(line, tow), equilibrium(start, 20), times, 1e-3)
     radius = np.hypot(*motion.positions[:, 0, :2].T)
-    jumped = first + rate * times[np.argmax(radius < 1.2)]
+    crossing = np.argmax((radius - passed) * (radius[0] - passed) < 0.0)
+    return radius, first + rate * times[crossing]
+
+
+def test_a_slow_ramp_jumps_past_the_fold_by_the_known_delay():
+    # thesis Fig. 3.1, d_n 4.8: 2.3 -> 0.5 rising
+    fold, rate = fold_between(1.05, 1.12), 2.5e-4
+    # near a fold lambda^2 = 4 k (omega_fold - omega); a ramp passes it by 2.338 (rate^2/k)^(1/3)
+    # (Airy's first zero; Haberman, SIAM J. Appl. Math. 37, 1979)
+    near = 0.002
+    k = stability(between_folds(fold - near)[2]).growth_rate ** 2 / (4.0 * near)
+    radius, jumped = ramp(fold - 0.03, 2, rate, 0.1, 1.2)
     assert radius[0] > 2.3
     assert radius[-1] < 0.5
-    assert jumped - fold == pytest.approx(delay, rel=0.1)
+    assert jumped - fold == pytest.approx(2.338 * (rate**2 / k) ** (1.0 / 3.0), rel=0.1)
+
+
+def test_a_falling_ramp_jumps_outward_with_a_delay_of_its_rate_to_two_thirds():
+    # thesis Fig. 3.1, d_n 4.8: 1.3 -> 2.5 falling
+    fold = fold_between(1.0, 0.85)
+    slow, slowly = ramp(fold + 0.04, 0, -2.5e-4, 0.13, 2.0)
+    _, quickly = ramp(fold + 0.04, 0, -1e-3, 0.3, 2.0)
+    assert slow[0] < 1.0
+    assert slow[-1] == pytest.approx(2.5, abs=0.15)
+    assert fold - slowly > 0.005
+    assert (fold - quickly) / (fold - slowly) == pytest.approx(4.0 ** (2.0 / 3.0), rel=0.1)
 
 
 def test_paying_out_keeps_angular_momentum():

@@ -18,16 +18,22 @@ _MOST_ITERATIONS = 50
 
 
 def steady_cable(state: SteadyState, segments: int) -> CableState:
-    """Nodes on the solver's cable, the tow point at (1, 0, 0), turning at the rate 1.
+    """Segments along the solver's cable, the tow point at (1, 0, 0), turning at the rate 1.
 
-    Non-dimensional: radii a, times 1/Omega (`line_of`).
+    Each is as long as the tension in its middle stretches it: a chord of a stiff cable's arc would
+    be slack. Non-dimensional: radii a, times 1/Omega (`line_of`).
     """
-    s = np.linspace(0.0, state.parameters.length, segments + 1)
-    shape = state.cable(s)[0]
-    top = shape[-1].copy()
-    c, d = top[:2] / np.hypot(*top[:2])
+    s = np.linspace(0.0, state.parameters.length, 2 * segments + 1)
+    shape, force = state.cable(s)
+    c, d = shape[-1, :2] / np.hypot(*shape[-1, :2])
     back = np.array([[c, d, 0.0], [-d, c, 0.0], [0.0, 0.0, 1.0]])
-    nodes = (shape - [0.0, 0.0, top[2]]) @ back.T
+    along = np.diff(shape[::2] @ back.T, axis=0)
+    strain = np.linalg.norm(force[1::2], axis=1) / state.parameters.gamma
+    size = state.parameters.length / segments * (1.0 + strain)
+    along *= (size / np.linalg.norm(along, axis=1))[:, None]
+    nodes = np.empty((segments + 1, 3))
+    nodes[-1] = 1.0, 0.0, 0.0
+    nodes[:-1] = nodes[-1] - np.cumsum(along[::-1], axis=0)[::-1]
     return CableState(0.0, nodes, nodes @ _TURN.T)
 
 
