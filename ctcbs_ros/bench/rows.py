@@ -37,11 +37,11 @@ ROWS = (
     ),
     Row(
         "cable-600", "the cable in time, 40 segments, gamma 600: 8 orbits from rest", None,
-        "MoorDyn, RK4, longest stable step", cable_rows.soft, needed=0.5,
+        "MoorDyn, RK4, steps of 0.01 s", cable_rows.soft, needed=0.5,
     ),
     Row(
         "cable-60000", "the same with gamma 60,000: 4 orbits from rest", None,
-        "MoorDyn, RK4, longest stable step", cable_rows.stiff, needed=0.1,
+        "MoorDyn, RK4, steps of 0.001 s", cable_rows.stiff, needed=0.1,
     ),
     Row(
         "table-build", "table of the default envelope, every core", 10.0,
