@@ -10,19 +10,20 @@ from ctcbs_ros.kernels.block_tridiagonal import factorise, solve
 from ctcbs_ros.kernels.cable_forces import derivatives, forces, masses
 
 
-def tangle(seed, segments=5):
+def tangle(seed, at_nodes=0.0, segments=5):
     """Any state of a cable in wind, paid out, damped, some of it slack."""
     rng = np.random.default_rng(seed)
     x = np.cumsum(rng.normal(size=(segments + 1, 3)), axis=0)
     v = rng.normal(size=(segments + 1, 3))
-    line = np.array([1.0, 50.0, 0.1, 0.7, 2.0])
+    line = np.array([1.0, 50.0, 0.1, 0.7, 2.0, at_nodes])
     end = np.array([2.0, 2.0, 1.5])
     return x, v, (line, end, rng.normal(size=3), 1.5 * segments, 0.3, 0.2)
 
 
+@pytest.mark.parametrize("at_nodes", [0.0, 1.0], ids=["segments", "nodes"])
 @pytest.mark.parametrize("seed", range(3))
-def test_derivatives_are_those_of_the_forces(seed):
-    x, v, others = tangle(seed)
+def test_derivatives_are_those_of_the_forces(seed, at_nodes):
+    x, v, others = tangle(seed, at_nodes)
     n = len(x) - 1
     found = np.empty((3, n, 3, 3)), np.empty((3, n, 3, 3))
     derivatives(x, v, *others, *found)
@@ -74,7 +75,7 @@ def test_a_slack_cable_pushes_nothing():
     x = np.zeros((4, 3))
     x[:, 2] = np.linspace(-1.0, 0.0, 4)  # 3 long, 1 apart: slack everywhere
     force = np.empty((3, 3))
-    forces(x, 0.0 * x, np.array([1.0, 600.0, 0.1, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]),
+    forces(x, 0.0 * x, np.array([1.0, 600.0, 0.1, 0.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]),
            np.zeros(3), 3.0, 0.0, 0.0, force)  # fmt: skip
     assert np.all(force == 0.0)
 

@@ -57,6 +57,11 @@ def add_parser(subparsers) -> None:
         "--track", metavar="FILE",
         help="CSV with columns t, x, y, z of the tow point, instead of the circle",
     )
+    add(
+        "--drag-at", choices=("segments", "nodes"), default="segments",
+        help="where the cable's drag is taken: the middle of segments (default), or as MoorDyn "
+        "does; they agree as segments grow in number",
+    )
     add("--tolerance", type=number(float, 1e-10, 1e-2), default=1e-4, metavar="X",
         help="error of a step over length and tow speed, default 1e-4")  # fmt: skip
     add("--json", action="store_true", help="the result as JSON on stdout")
@@ -73,7 +78,7 @@ def run(args) -> int:
     if args.output:
         writable(args.output)
     units, parameters = _problem(args)
-    line = line_of(parameters)
+    line = line_of(parameters, args.drag_at == "nodes")
     period = 2.0 * pi
     tow, first, last = _tow(args, units, period)
     driven = drive(
@@ -235,7 +240,7 @@ def _steady(args, units, parameters):
         raise InputError(f"no steady state to start from: {found.reason}; try --start hanging")
     wanted = 0.0 if args.end_mass_radius is None else args.end_mass_radius / units["length"]
     state = min(found.states, key=lambda s: abs(s.end_mass_radius - wanted))
-    return equilibrium(state, args.segments)
+    return equilibrium(state, args.segments, args.drag_at == "nodes")
 
 
 def _in_units(result, units):

@@ -14,7 +14,7 @@ from ctcbs_ros.errors import InputError
 from ctcbs_ros.kernels import cable_motion
 
 # Error of a step in units of the cable's length and of the tow speed. What it costs and gives:
-# test_dynamics.
+# docs/theory.md, "The cable in time".
 TOLERANCE = 1e-4
 _MOST_STEPS = 2_000_000
 _FAILURES = {

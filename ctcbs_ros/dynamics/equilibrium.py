@@ -37,13 +37,15 @@ def steady_cable(state: SteadyState, segments: int) -> CableState:
     return CableState(0.0, nodes, nodes @ _TURN.T)
 
 
-def equilibrium(state: SteadyState, segments: int) -> CableState:
+def equilibrium(state: SteadyState, segments: int, drag_at_nodes: bool = False) -> CableState:
     """Steady state of the discretised cable near one of the solver's.
 
     Parameters
     ----------
     state : SteadyState
     segments : int
+    drag_at_nodes : bool
+        As in `Line`.
 
     Returns
     -------
@@ -55,7 +57,7 @@ def equilibrium(state: SteadyState, segments: int) -> CableState:
     ArithmeticError
         If Newton's method does not converge: near a fold a coarse cable may have none.
     """
-    line = line_of(state.parameters)
+    line = line_of(state.parameters, drag_at_nodes)
     nodes = steady_cable(state, segments).positions.copy()
     size, rest = np.inf, np.inf
     for _ in range(_MOST_ITERATIONS):

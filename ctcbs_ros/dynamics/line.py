@@ -9,6 +9,7 @@ from ctcbs_ros.errors import InputError
 from ctcbs_ros.kernels.cable_forces import (
     DAMPING,
     DRAG,
+    DRAG_AT_NODES,
     MASS,
     N_LINE,
     STIFFNESS,
@@ -42,6 +43,9 @@ class Line:
         Mass [kg], net weight [N] and 0.5 rho_air A_C C_D [kg/m] of the end mass.
     damping : float
         Time constant of the axial dashpots [s].
+    drag_at_nodes : bool
+        Whether the cable's drag is taken at the nodes, as MoorDyn does, or in the middle of the
+        segments, which is the more accurate (`ctcbs_ros.kernels.cable_forces`).
     """
 
     mass_per_length: float
@@ -53,6 +57,7 @@ class Line:
     end_weight: float
     end_drag: float
     damping: float = 0.0
+    drag_at_nodes: bool = False
 
     def __post_init__(self):
         """Refuse what makes no sense."""
@@ -68,13 +73,14 @@ class Line:
                 )
 
     def packed(self) -> np.ndarray:
-        """For the kernels, (5,), in the order of `ctcbs_ros.kernels.cable_forces`."""
+        """For the kernels, (6,), in the order of `ctcbs_ros.kernels.cable_forces`."""
         line = np.empty(N_LINE)
         line[MASS] = self.mass_per_length
         line[STIFFNESS] = self.stiffness
         line[DAMPING] = self.damping
         line[WEIGHT] = self.weight_per_length
         line[DRAG] = self.drag
+        line[DRAG_AT_NODES] = self.drag_at_nodes
         return line
 
     def scaled(self, length_unit: float, time_unit: float, mass_unit: float) -> "Line":
@@ -93,6 +99,7 @@ class Line:
             end_weight=self.end_weight * force,
             end_drag=self.end_drag * mass_unit / length_unit,
             damping=self.damping * time_unit,
+            drag_at_nodes=self.drag_at_nodes,
         )
 
     @property
@@ -101,7 +108,7 @@ class Line:
         return np.array([self.end_mass, self.end_weight, self.end_drag])
 
 
-def line_of(parameters: Parameters) -> Line:
+def line_of(parameters: Parameters, drag_at_nodes: bool = False) -> Line:
     """Non-dimensional line of a parameter point: radii a, times 1/Omega, masses mu a.
 
     A force's unit is then mu a^2 Omega^2, omega^2 times the solver's mu a g.
@@ -119,4 +126,5 @@ def line_of(parameters: Parameters) -> Line:
         end_weight=p.end_weight / square,
         end_drag=p.end_mass_drag,
         damping=p.damping,
+        drag_at_nodes=drag_at_nodes,
     )

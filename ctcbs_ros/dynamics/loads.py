@@ -68,12 +68,17 @@ def loads(line: Line, driven: Drive, motion: Motion) -> Loads:
     tensions = np.where(
         strain > 0.0, np.maximum(spring + line.stiffness * line.damping * opening, 0.0), 0.0
     )
-    middle = 0.5 * (v[:, 1:] + v[:, :-1]) - wind
-    across = middle - np.einsum("mja,mja->mj", middle, t)[..., None] * t
-    drag = -line.drag * h[..., None] * np.linalg.norm(across, axis=2, keepdims=True) * across
     on_nodes = np.zeros_like(x)
-    on_nodes[:, :-1] += 0.5 * drag
-    on_nodes[:, 1:] += 0.5 * drag
+    per_drag = line.drag * h[..., None]
+    if line.drag_at_nodes:
+        chord = np.concatenate([along[:, :1], x[:, 2:] - x[:, :-2], along[:, -1:]], axis=1)
+        chord /= np.maximum(np.linalg.norm(chord, axis=2), 1e-9 * h)[..., None]
+        on_nodes += per_drag * _drag(v - wind, chord)
+        on_nodes[:, 0] *= 0.5
+    else:
+        drag = per_drag * _drag(0.5 * (v[:, 1:] + v[:, :-1]) - wind, t)
+        on_nodes[:, :-1] += 0.5 * drag
+        on_nodes[:, 1:] += 0.5 * drag
     ball = v[:, 0] - wind[:, 0]
     on_nodes[:, 0] -= end_drag[:, None] * np.linalg.norm(ball, axis=1, keepdims=True) * ball
     mass = np.repeat(line.mass_per_length * h, n, axis=1)
@@ -90,3 +95,10 @@ def loads(line: Line, driven: Drive, motion: Motion) -> Loads:
         air_power=np.einsum("mia,mia->m", on_nodes[:, :-1], free),
         dashpot_power=np.einsum("mj,mj->m", spring - tensions, opening * h),
     )
+
+
+def _drag(air_speed, tangent):
+    """Drag across a tangent per length and coefficient, (m, j, 3), of speeds against the air."""
+    along = np.einsum("mja,mja->mj", air_speed, tangent)[..., None] * tangent
+    across = air_speed - along
+    return -np.linalg.norm(across, axis=2, keepdims=True) * across

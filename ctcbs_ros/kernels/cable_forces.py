@@ -9,6 +9,10 @@ the air, u_n = u - (u.t) t:
     drag     -k h |u_n| u_n, on the unstretched length
     weight   -q h in z
 
+Drag may be taken at the nodes instead, as MoorDyn does: there u is the node's velocity, t goes
+along the chord from one neighbour to the other, and h is half of each segment beside it. Both are
+of second order in h; their errors have opposite signs.
+
 Any consistent units do: SI, or lengths in tow radii and times in 1/Omega.
 
 While cable is paid out or hauled in, nodes stay at fixed fractions of the length and move along
@@ -23,9 +27,9 @@ That motion is along the cable, where there is no drag.
 import numpy as np
 from numba import njit
 
-# Columns of `line`: mass per length, EA, eta, net weight per length, k.
-MASS, STIFFNESS, DAMPING, WEIGHT, DRAG = range(5)
-N_LINE = 5
+# Columns of `line`: mass per length, EA, eta, net weight per length, k, and 1 for drag at nodes.
+MASS, STIFFNESS, DAMPING, WEIGHT, DRAG, DRAG_AT_NODES = range(6)
+N_LINE = 6
 # Columns of `end`: mass, net weight, drag over speed squared.
 END_MASS, END_WEIGHT, END_DRAG = range(3)
 N_END = 3
@@ -51,7 +55,7 @@ def forces(x, v, line, end, wind, length, length_rate, length_second, force):
     ----------
     x, v : (n + 1, 3) arrays
         Positions and velocities of the nodes, the tow point last.
-    line : (5,) array
+    line : (6,) array
     end : (3,) array
     wind : (3,) array
         Velocity of the air.
@@ -63,6 +67,8 @@ def forces(x, v, line, end, wind, length, length_rate, length_second, force):
     h_rate = length_rate / n
     stiffness, eta, k = line[STIFFNESS], line[DAMPING], line[DRAG]
     half_weight = 0.5 * line[WEIGHT] * h
+    at_nodes = line[DRAG_AT_NODES] > 0.0
+    half_drag = 0.0 if at_nodes else 0.5 * k * h
     for i in range(n):
         force[i, 0], force[i, 1], force[i, 2] = 0.0, 0.0, -2.0 * half_weight
     for j in range(n):
@@ -88,7 +94,7 @@ def forces(x, v, line, end, wind, length, length_rate, length_second, force):
         ux -= along * tx
         uy -= along * ty
         uz -= along * tz
-        c = -0.5 * k * h * np.sqrt(ux * ux + uy * uy + uz * uz)
+        c = -half_drag * np.sqrt(ux * ux + uy * uy + uz * uz)
         force[j, 0] += tension * tx + c * ux
         force[j, 1] += tension * ty + c * uy
         force[j, 2] += tension * tz + c * uz
@@ -101,6 +107,25 @@ def forces(x, v, line, end, wind, length, length_rate, length_second, force):
     force[0, 0] -= c * ux
     force[0, 1] -= c * uy
     force[0, 2] -= c * uz + end[END_WEIGHT] - half_weight
+    if at_nodes:
+        for i in range(n):
+            below = max(i - 1, 0)
+            ex = x[i + 1, 0] - x[below, 0]
+            ey = x[i + 1, 1] - x[below, 1]
+            ez = x[i + 1, 2] - x[below, 2]
+            per = 1.0 / max(np.sqrt(ex * ex + ey * ey + ez * ez), _FOLDED * h)
+            tx, ty, tz = ex * per, ey * per, ez * per
+            ux, uy, uz = v[i, 0] - wind[0], v[i, 1] - wind[1], v[i, 2] - wind[2]
+            along = ux * tx + uy * ty + uz * tz
+            ux -= along * tx
+            uy -= along * ty
+            uz -= along * tz
+            c = -k * h * np.sqrt(ux * ux + uy * uy + uz * uz)
+            if i == 0:
+                c *= 0.5
+            force[i, 0] += c * ux
+            force[i, 1] += c * uy
+            force[i, 2] += c * uz
     if length_rate != 0.0 or length_second != 0.0:
         grow = length_rate / length
         second = length_second / length - 2.0 * grow * grow
@@ -130,6 +155,7 @@ def derivatives(x, v, line, end, wind, length, length_rate, length_second, by_x,
     h = length / n
     h_rate = length_rate / n
     stiffness, eta, k = line[STIFFNESS], line[DAMPING], line[DRAG]
+    at_nodes = line[DRAG_AT_NODES] > 0.0
     by_x[:] = 0.0
     by_v[:] = 0.0
     e, t, u, w = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -157,7 +183,7 @@ def derivatives(x, v, line, end, wind, length, length_rate, length_second, by_x,
             u[a] -= along * t[a]
         speed = np.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
         per_speed = 1.0 / speed if speed > 0.0 else 0.0
-        c = 0.5 * k * h
+        c = 0.0 if at_nodes else 0.5 * k * h
         pull = axial - dashpot * h_rate / h
         for a in range(3):
             for b in range(3):
@@ -188,6 +214,33 @@ def derivatives(x, v, line, end, wind, length, length_rate, length_second, by_x,
         for b in range(3):
             by_v[1, 0, a, b] -= end[END_DRAG] * u[a] * u[b] * per_speed
         by_v[1, 0, a, a] -= end[END_DRAG] * speed
+    if at_nodes:
+        for i in range(n):
+            below = max(i - 1, 0)
+            for a in range(3):
+                e[a] = x[i + 1, a] - x[below, a]
+                u[a] = v[i, a] - wind[a]
+            size = max(np.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]), _FOLDED * h)
+            per = 1.0 / size
+            for a in range(3):
+                t[a] = e[a] * per
+            along = u[0] * t[0] + u[1] * t[1] + u[2] * t[2]
+            for a in range(3):
+                u[a] -= along * t[a]
+            speed = np.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
+            per_speed = 1.0 / speed if speed > 0.0 else 0.0
+            c = k * h
+            if i == 0:
+                c *= 0.5
+            lower = 1 if i == 0 else 0  # the block of the node that the chord begins at
+            for a in range(3):
+                for b in range(3):
+                    normal = (1.0 if a == b else 0.0) - t[a] * t[b]
+                    uu = u[a] * u[b] * per_speed
+                    d_e = c * per * (along * uu + speed * (t[a] * u[b] + along * normal))
+                    by_x[2, i, a, b] += d_e
+                    by_x[lower, i, a, b] -= d_e
+                    by_v[1, i, a, b] -= c * (speed * normal + uu)
     if length_rate != 0.0 or length_second != 0.0:
         grow = length_rate / length
         second = length_second / length - 2.0 * grow * grow

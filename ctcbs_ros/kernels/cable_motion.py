@@ -78,7 +78,7 @@ def advance(drive, line, stops, tolerance, scale_x, scale_v, most_steps, t, t_en
     ----------
     drive : four signals
         As in `drive_at`.
-    line : (5,) array
+    line : (6,) array
     stops : (k,) array
         Rising times at which a signal or its slope may jump; steps end there.
     tolerance : float
