@@ -34,9 +34,9 @@ def computed(monkeypatch):
     """The states whose stability has been computed."""
     states = []
 
-    def counted(state):
+    def counted(state, **options):
         states.append(state)
-        return stability(state)
+        return stability(state, **options)
 
     monkeypatch.setattr(margin, "stability", counted)
     return states

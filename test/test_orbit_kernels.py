@@ -173,10 +173,10 @@ def test_errors_are_propagated_as_finite_differences_and_dense_matrices_say(drif
         drift = fit.drift if drifts else []
         return np.array([*fit.center, fit.radius, *drift, *operators @ angle]), fit
 
-    start = None if drifts else (np.array([30.0, -20.0]), 100.0)
+    start = None if drifts else np.array([30.0, -20.0, 100.0, 0.0, 0.0])
     for _ in range(5):
         base, fit = result(points, velocities, start)
-        start = fit.center, fit.radius, fit.drift
+        start = fit.start
     gain = np.empty((2, 2, 40, len(base)))  # of position and velocity, axis, sample
     for axis in range(2):
         for i in range(40):

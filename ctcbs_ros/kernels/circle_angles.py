@@ -142,3 +142,38 @@ def mean_rate(time, angle, sigma, with_harmonic, operator):
             total += inverse[1, j] * design[i, j]
         operator[i] = total * weight[i] / span
     return solution[1] / span, max(1.0, squares / max(n - k, 1))
+
+
+@njit(cache=True)
+def newest_phase(time, angle, sigma, reach, operator):
+    """Angle at the newest sample, from a line through the newest part of the turn.
+
+    Parameters
+    ----------
+    time, angle, sigma : (n,) arrays
+        [s], [rad], and standard deviation of the angle, of any scale.
+    reach : float
+        Time that counts as newest [s], at least three samples.
+    operator : (n,) array of nought, written
+        Takes the angles to the phase.
+    """
+    n = time.shape[0]
+    first = max(n - 3, 0)
+    while first > 0 and time[first - 1] > time[n - 1] - reach:
+        first -= 1
+    total, mean = 0.0, 0.0
+    for i in range(first, n):
+        operator[i] = 1.0 / sigma[i] ** 2
+        total += operator[i]
+    for i in range(first, n):
+        operator[i] /= total
+        mean += operator[i] * (time[i] - time[n - 1])
+    spread = 0.0
+    for i in range(first, n):
+        spread += operator[i] * (time[i] - time[n - 1] - mean) ** 2
+    phase = 0.0
+    for i in range(first, n):
+        if spread > 0.0:
+            operator[i] *= 1.0 - mean * (time[i] - time[n - 1] - mean) / spread
+        phase += operator[i] * angle[i]
+    return phase

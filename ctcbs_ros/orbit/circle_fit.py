@@ -8,6 +8,7 @@ beside: positions and velocities are then those relative to it.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,10 +27,8 @@ class CircleFit:
 
     Attributes
     ----------
-    center : (2,) ndarray
-        At the newest sample [m].
-    radius : float
-        [m]
+    circle : (3,) ndarray
+        Centre at the newest sample, and radius [m].
     drift : (2,) ndarray
         Velocity of the centre [m/s]; nought of a circle that stands still.
     points, velocities : (n, 2) ndarray
@@ -46,8 +45,7 @@ class CircleFit:
         What the deviations of the velocities were multiplied by, at least 1.
     """
 
-    center: np.ndarray
-    radius: float
+    circle: np.ndarray
     drift: np.ndarray
     points: np.ndarray
     velocities: np.ndarray
@@ -57,10 +55,20 @@ class CircleFit:
     inverse: np.ndarray
     late: float
 
+    @cached_property
+    def center(self) -> tuple[float, float]:
+        """At the newest sample [m]."""
+        return float(self.circle[0]), float(self.circle[1])
+
+    @cached_property
+    def radius(self) -> float:
+        """[m]"""
+        return float(self.circle[2])
+
     @property
-    def circle(self) -> np.ndarray:
-        """Centre and radius, (3,) [m]."""
-        return np.array([*self.center, self.radius])
+    def start(self) -> np.ndarray:
+        """Centre, radius and drift, (5,), for `fit_circle`."""
+        return np.concatenate((self.circle, self.drift))
 
     @property
     def drifts(self) -> bool:
@@ -68,7 +76,7 @@ class CircleFit:
         return len(self.inverse) == 5
 
 
-def algebraic_circle(points: np.ndarray) -> tuple[np.ndarray, float] | None:
+def algebraic_circle(points: np.ndarray) -> np.ndarray | None:
     """Taubin's algebraic fit, the start of the geometric one.
 
     Parameters
@@ -78,9 +86,8 @@ def algebraic_circle(points: np.ndarray) -> tuple[np.ndarray, float] | None:
 
     Returns
     -------
-    center : (2,) ndarray
-    radius : float
-        Or None where the points lie on a line.
+    (3,) ndarray or None
+        Centre and radius [m]; None where the points lie on a line.
 
     References
     ----------
@@ -101,7 +108,7 @@ def algebraic_circle(points: np.ndarray) -> tuple[np.ndarray, float] | None:
         return None
     center = -np.array([b, c]) / (2.0 * a)
     radius = np.sqrt(center @ center + z_mean)
-    return center + mean, float(radius)
+    return np.array([*(center + mean), radius])
 
 
 def drifting_start(
@@ -154,7 +161,7 @@ def fit_circle(
     velocities: np.ndarray,
     position_sigma: np.ndarray,
     velocity_sigma: np.ndarray,
-    start: tuple | None = None,
+    start: np.ndarray | None = None,
     age: np.ndarray | None = None,
 ) -> CircleFit | None:
     """Robust geometric fit by Gauss-Newton with Huber's weights.
@@ -167,9 +174,9 @@ def fit_circle(
         [m/s]; nan where not known.
     position_sigma, velocity_sigma : (n,) ndarray
         Standard deviations of one axis [m], [m/s].
-    start : tuple of center (2,), radius and drift (2,), optional
-        By default the algebraic fit of a circle that stands still, or `drifting_start`. The drift
-        is not used of a circle that stands still.
+    start : (5,) ndarray, optional
+        Centre, radius and drift; by default the algebraic fit of a circle that stands still, or
+        `drifting_start`. The drift is not used of a circle that stands still.
     age : (n,) ndarray, optional
         Time less that of the newest sample [s]: the drift is fitted, too.
 
@@ -183,12 +190,11 @@ def fit_circle(
     size = 3 if age is None else 5
     age = np.zeros(n) if age is None else np.ascontiguousarray(age)
     if start is not None:
-        circle = np.hstack(start)[:size].astype(float)
+        circle = start[:size].copy()
     elif size == 5:
         circle = drifting_start(points, velocities, age)
     else:
-        algebraic = algebraic_circle(points)
-        circle = None if algebraic is None else np.hstack(algebraic)
+        circle = algebraic_circle(points)
     if circle is None:
         return None
     radial, along, weight = np.empty(n), np.empty(n), np.empty((2, n))
@@ -204,6 +210,5 @@ def fit_circle(
         drift = circle[3:]
         points, velocities = points - np.outer(age, drift), velocities - drift
     return CircleFit(
-        circle[:2], float(circle[2]), drift, points, velocities, radial, along, weight, inverse,
-        late,
+        circle[:3], drift, points, velocities, radial, along, weight, inverse, late
     )

@@ -12,8 +12,10 @@ from math import hypot, inf, isfinite, nan, pi, sqrt
 
 import numpy as np
 
-from ctcbs_ros.kernels.circle_angles import continuous_angles, mean_rate
+from ctcbs_ros.kernels.circle_angles import continuous_angles, mean_rate, newest_phase
+from ctcbs_ros.kernels.circle_errors import clipped_rms, larger_rms
 from ctcbs_ros.kernels.circle_trend import widening
+from ctcbs_ros.kernels.track import joined_circle
 from ctcbs_ros.orbit.circle_fit import CircleFit
 from ctcbs_ros.orbit.noise import (
     AS_STATED,
@@ -28,7 +30,8 @@ from ctcbs_ros.orbit.settings import TURN, OrbitSettings
 from ctcbs_ros.orbit.window import Samples, SampleWindow
 
 # Where centre, radius, drift, rate and phase stand in `Orbit.covariance`.
-_STANDING, _DRIFTING = [0, 1, 3, 4, 5], [0, 1, 3, 7, 8, 4, 5]
+_STANDING, _DRIFTING = (np.ix_(at, at) for at in ([0, 1, 3, 4, 5], [0, 1, 3, 7, 8, 4, 5]))
+_HEIGHT = np.ix_([2, 6], [2, 6])
 _DRIFT = slice(7, 9)
 # chi^2 of two components above which a drift is believed: by chance once in a hundred turns.
 _SEEN_DRIFT = 9.21
@@ -38,6 +41,8 @@ _TRIED_ANEW = TURN / 64.0
 _SOUGHT_ANEW = 1.0 / 16.0
 # Standard deviations of a change of the radius from which the circle is taken to change.
 _SEEN_CHANGE = 3.5
+# Part of a turn whose angles tell the phase.
+_NEWEST = 0.08
 # Fewest samples of a circle.
 _FEWEST = 6
 # Windows tried in turn, over the whole one.
@@ -78,11 +83,8 @@ class OrbitEstimator:
     def reset(self) -> None:
         """Forget all samples."""
         self._window.clear()
-        # Of the sample before: rate, with its sign, circle and time.
-        self._rate = nan
-        self._last: CircleFit | None = None
-        self._last_time = nan
-        self._scatter = AS_STATED
+        # Of the sample before.
+        self._last: _Found | None = None
         # Why the circle tried last was refused, and the course then.
         self._refused, self._refused_at = "", inf
         # When a drift was last looked for, and what it is known to.
@@ -119,7 +121,7 @@ class OrbitEstimator:
         """
         if time - self._window.newest_time > self._settings.longest_gap:
             self.reset()
-        self._window.add(time, position, velocity, position_sigma, velocity_sigma, self._rate)
+        self._window.add(time, position, velocity, position_sigma, velocity_sigma, self._rate())
         if len(self._window) < _FEWEST:
             return self._none("too few samples yet")
         samples = self._window.newest_turn()
@@ -135,9 +137,7 @@ class OrbitEstimator:
         for part, may_drift in self._candidates(samples):
             found = self._best(part, may_drift)
             if isinstance(found, _Found):
-                self._orbit, self._last, self._last_time = found.orbit, found.fit, time
-                self._scatter = found.scatter
-                self._rate = found.orbit.sense * found.orbit.angular_rate
+                self._orbit, self._last = found.orbit, found
                 return OrbitFix(found.orbit)
             reason = reason or found.reason
             if found.final and len(part) == len(samples):
@@ -145,9 +145,14 @@ class OrbitEstimator:
         self._refused, self._refused_at = reason, course
         return self._none(reason)
 
+    def _rate(self) -> float:
+        """At which the circle was flown at the sample before, ENU [rad/s]; nan off any."""
+        if self._last is None:
+            return nan
+        return self._last.orbit.sense * self._last.orbit.angular_rate
+
     def _none(self, reason: str) -> OrbitFix:
         self._last = None
-        self._rate = nan
         lost = self._orbit
         if lost is not None and len(self._window):
             turn = TURN / lost.angular_rate
@@ -164,14 +169,12 @@ class OrbitEstimator:
         """
         last = self._last
         if last is not None:
-            moved = np.outer(samples.time - self._last_time, last.drift)
-            off = np.abs(np.hypot(*(samples.points - last.center - moved).T) - last.radius)
-            near = off < np.hypot(4.0 * samples.position_sigma, 0.08 * last.radius)
-            # A single glitch does not end the run: three in a row do.
-            away = np.flatnonzero(~near[2:] & ~near[1:-1] & ~near[:-2])
-            run = samples[away[-1] + 3 :] if away.size else samples
-            if _FEWEST <= len(run) < len(samples):
-                yield run, last.drifts
+            joined = joined_circle(
+                samples.points, samples.time - last.orbit.time, samples.white_sigma,
+                samples.correlated_sigma, last.fit.circle, last.fit.drift,
+            )
+            if 0 < joined <= len(samples) - _FEWEST:
+                yield samples[joined:], last.fit.drifts
         for share in _SHARES:
             part = samples.newest(share * samples.turned)
             if len(part) < _FEWEST:
@@ -196,7 +199,7 @@ class OrbitEstimator:
         standing = self._orbit_of(samples, False)
         if not may_drift or samples.turned <= self._settings.drift_arc:
             return standing
-        if isinstance(standing, _Found) and self._last is not None and not self._last.drifts:
+        if isinstance(standing, _Found) and self._last is not None and not self._last.fit.drifts:
             turn = TURN / standing.orbit.angular_rate
             if standing.orbit.time < self._drift_sought + _SOUGHT_ANEW * turn:
                 if self._drift_covariance is not None:
@@ -226,21 +229,19 @@ class OrbitEstimator:
     def _orbit_of(self, samples: Samples, drifts: bool) -> _Found | Objection:
         s = self._settings
         start, usual = None, AS_STATED
-        flown = self._last is not None and self._last.drifts == drifts
+        flown = self._last is not None and self._last.fit.drifts == drifts
         if flown:
-            start = (self._last.center, self._last.radius, self._last.drift)
-            usual = self._scatter
+            start, usual = self._last.fit.start, self._last.scatter
         fit, position_sigma, velocity_sigma, seen = fit_by_scatter(samples, start, drifts, usual)
         if fit is None:
             return Objection("the track is not a circle")
-        time = samples.time
+        time, rate = samples.time, self._rate()
         angle = np.empty(len(samples))
-        known_rate = self._rate if isfinite(self._rate) else 0.0
-        continuous_angles(fit.points, *fit.center, time, known_rate, angle)
-        arc = abs(angle[-1] - angle[0])
+        continuous_angles(fit.points, *fit.center, time, rate if isfinite(rate) else 0.0, angle)
+        arc = float(abs(angle[-1] - angle[0]))
         sense = 1 if angle[-1] > angle[0] else -1
         # What is stated in all, or the scatter alone where that is more.
-        sigma = float(np.sqrt(np.mean(np.maximum(samples.position_sigma, position_sigma) ** 2)))
+        sigma = larger_rms(position_sigma, samples.white_sigma, samples.correlated_sigma)
         widened = widening(
             fit.points, fit.velocities, samples.age, fit.circle, drifts, angle, fit.radial,
             fit.along, fit.weight, samples.correlated_sigma, s.correlation_time,
@@ -258,16 +259,16 @@ class OrbitEstimator:
         )
         if not rate * sense > 0.0 or abs(rate) * fit.radius < s.minimum_speed:
             return Objection("the angle about the centre does not advance")
-        phase = _phase(time, angle, position_sigma, abs(rate), operators[1])
+        reach = _NEWEST * TURN / abs(rate)
+        phase = newest_phase(time, angle, position_sigma, reach, operators[1])
         up, climb, height_covariance = height(samples, s.correlation_time)
         covariance = np.zeros((9, 9))
-        places = _DRIFTING if drifts else _STANDING
-        covariance[np.ix_(places, places)] = circle_covariance(
+        covariance[_DRIFTING if drifts else _STANDING] = circle_covariance(
             fit, samples, position_sigma, velocity_sigma, operators, abs(rate), excess, s
         )
         covariance[4] *= sense
         covariance[:, 4] *= sense
-        covariance[np.ix_([2, 6], [2, 6])] = height_covariance
+        covariance[_HEIGHT] = height_covariance
         if not drifts:
             covariance[7, 7] = covariance[8, 8] = inf
         change, variance, _ = widened
@@ -278,30 +279,16 @@ class OrbitEstimator:
             time=float(time[-1]),
             start_time=float(time[0]),
             center=np.array([*fit.center, up]),
-            radius=float(fit.radius),
-            angular_rate=float(abs(rate)),
+            radius=fit.radius,
+            angular_rate=abs(rate),
             sense=sense,
-            phase=float(-((-phase + pi) % TURN - pi)),
-            climb_rate=float(climb),
-            rms_residual=float(np.sqrt(np.mean(fit.radial**2))),
-            arc=float(arc),
+            phase=-((-phase + pi) % TURN - pi),
+            climb_rate=climb,
+            rms_residual=clipped_rms(fit.radial, inf),
+            arc=arc,
             samples=len(samples),
             covariance=covariance,
-            drift=np.array(fit.drift),
+            drift=fit.drift,
         )
         return _Found(orbit, fit, seen)
 
-
-def _phase(time, angle, sigma, rate, operator) -> float:
-    """Angle at the newest sample, from a line through the newest part of the turn.
-
-    operator : (n,) array of nought, written: takes the angles to the phase
-    """
-    newest = time > time[-1] - 0.08 * TURN / rate
-    newest[-3:] = True
-    t, weight = time[newest] - time[-1], 1.0 / sigma[newest] ** 2
-    weight = weight / weight.sum()
-    mean = weight @ t
-    spread = weight @ (t - mean) ** 2
-    operator[newest] = weight * (1.0 - mean * (t - mean) / spread) if spread > 0.0 else weight
-    return float(operator @ angle)

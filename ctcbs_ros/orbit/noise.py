@@ -5,9 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ctcbs_ros.kernels.circle import scatter
 from ctcbs_ros.kernels.circle_covariance import propagate
-from ctcbs_ros.kernels.regression import correlated_form, line
+from ctcbs_ros.kernels.circle_errors import height_and_climb, shown_variances, white_scatter
 from ctcbs_ros.orbit.circle_fit import CircleFit, fit_circle
 from ctcbs_ros.orbit.settings import TURN, OrbitSettings
 from ctcbs_ros.orbit.window import Samples
@@ -20,9 +19,7 @@ _ALIKE = 0.25
 # the track is taken to be off a circle, and for how much of a turn that lasts.
 _EXCESS = 3.0
 _EXCESS_TURN = 0.1
-# Mean of Huber's weight times squared residual over the mean weight, for normal errors; and what
-# the gain of the fit misses of the variance of Huber's estimate.
-_HUBER_VARIANCE = 0.856
+# What the gain of the fit misses of the variance of Huber's estimate.
 _HUBER_COST = 1.04
 
 
@@ -47,14 +44,14 @@ AS_STATED = Scatter(1.0, 1.0)
 
 
 def fit_by_scatter(
-    samples: Samples, start: tuple | None, drifts: bool, usual: Scatter = AS_STATED
+    samples: Samples, start: np.ndarray | None, drifts: bool, usual: Scatter = AS_STATED
 ) -> tuple[CircleFit | None, np.ndarray, np.ndarray, Scatter]:
     """Fit a circle, and once more where the samples scatter otherwise than it was made for.
 
     Parameters
     ----------
     samples : Samples
-    start : tuple or None
+    start : (5,) ndarray or None
         As of `fit_circle`.
     drifts : bool
         Whether a drift is fitted.
@@ -79,26 +76,14 @@ def fit_by_scatter(
         fit = fit_circle(points, velocities, *stated, None, age)
     if fit is None:
         return None, *stated, AS_STATED
-    seen = _seen(fit, samples, *stated)
+    seen = Scatter(
+        *white_scatter(fit.radial, fit.along, fit.velocities, fit.radius, *stated, _NOISIER)
+    )
     if not made_for.is_like(seen):
-        start = (fit.center, fit.radius, fit.drift)
-        again = fit_circle(points, velocities, *seen.of(*stated), start, age)
+        again = fit_circle(points, velocities, *seen.of(*stated), fit.start, age)
         if again is not None:
             fit = again
     return fit, *seen.of(*stated), seen
-
-
-def _seen(fit: CircleFit, samples: Samples, position_sigma, velocity_sigma) -> Scatter:
-    """Noise is seen from sample to sample, whatever the shape of the track."""
-    position = scatter(fit.radial) / float(np.mean(position_sigma))
-    if position <= _NOISIER:
-        return AS_STATED
-    velocity = 1.0
-    if np.isfinite(samples.velocities[:, 0]).any():
-        turned = np.hypot(*fit.velocities.T) * position * position_sigma / fit.radius
-        expected = float(np.sqrt(np.nanmean(velocity_sigma**2 + turned**2)))
-        velocity = max(scatter(fit.along) / max(expected, 1e-9), 1.0)
-    return Scatter(position, velocity)
 
 
 def circle_covariance(
@@ -132,39 +117,21 @@ def circle_covariance(
     """
     position_variance = position_sigma**2
     velocity_variance = (fit.late * velocity_sigma) ** 2
-    share = fit.weight[0] * position_variance
-    seen = share @ (fit.radial**2 / position_variance)
-    seen /= max(share.sum() - 3.0, 1.0) * _HUBER_VARIANCE
-    correlated = [samples.correlated_sigma]
-    times = [settings.correlation_time]
-    # Of a slowly varying error, the part that a straight course through it does not follow.
-    duration = -float(samples.age[0])
-    varying = float(np.mean(samples.correlated_sigma**2)) * min(
-        1.0, duration / (6.0 * settings.correlation_time)
+    seen, expected = shown_variances(
+        fit.radial, fit.along, fit.weight, fit.velocities, fit.radius, fit.late, samples.age,
+        samples.white_sigma, samples.correlated_sigma, settings.correlation_time, samples.stated,
+        settings.least_velocity_sigma, position_variance, velocity_variance,
     )
-    expected = 1.0 + varying / float(np.mean(position_variance))
-    if not samples.stated:
-        # Nobody states the errors: they are what the residuals show.
-        position_variance = position_variance * seen
-        known = fit.weight[1] > 0.0
-        if known.any():
-            # The weights carry the variance, and the number of unknowns is shared.
-            squares = fit.weight[1][known] @ fit.along[known] ** 2
-            turned = np.sum(fit.velocities[known] ** 2, axis=1) / fit.radius**2
-            white = samples.white_sigma[known]
-            assumed = velocity_variance[known] + fit.late**2 * turned * white**2
-            total = squares / (_HUBER_VARIANCE * float(np.sum(fit.weight[1][known] * assumed)))
-            own = total * assumed - turned * position_variance[known]
-            velocity_variance[known] = np.maximum(own, settings.least_velocity_sigma**2)
-    elif seen > expected + _EXCESS * sqrt(2.0 / len(samples)):
-        off = (seen - expected) * float(np.mean(position_variance))
-        correlated.append(np.full(len(samples), sqrt(off)))
+    correlated, times = samples.correlated_sigma[None, :], [settings.correlation_time]
+    if samples.stated and seen > expected + _EXCESS * sqrt(2.0 / len(samples)):
+        off = sqrt((seen - expected) * float(np.mean(position_variance)))
+        correlated = np.vstack([correlated, np.full(len(samples), off)])
         times.append(_EXCESS_TURN * TURN / rate)
     rate_at = len(fit.inverse)
     covariance = np.empty((rate_at + 2, rate_at + 2))
     propagate(
         fit.points, fit.velocities, samples.age, fit.circle, fit.weight, fit.inverse, operators,
-        position_variance, velocity_variance, np.array(correlated), np.array(times), covariance,
+        position_variance, velocity_variance, correlated, np.array(times), covariance,
     )
     covariance *= _HUBER_COST
     more = sqrt(max(1.0, excess - expected + 1.0))
@@ -175,14 +142,9 @@ def circle_covariance(
 
 def height(samples: Samples, correlation_time: float) -> tuple[float, float, np.ndarray]:
     """Height at the newest sample [m], climb rate [m/s] and their covariance (2, 2)."""
-    age = samples.age
-    n = len(age)
-    up, climb, _, _, squares = line(age, samples.up, np.ones(n))
-    off = age - age.mean()
-    by_sample = off / max(off @ off, 1e-12)
-    gain = np.vstack([1.0 / n - age.mean() * by_sample, by_sample])
-    white = max(squares / max(n - 2, 1), float(np.mean(samples.white_sigma**2)))
-    # An error that varies as slowly as a climb moves the height whole.
-    held = np.empty((2, 2))
-    correlated_form(gain * samples.correlated_sigma, age, correlation_time, held)
-    return up, climb, white * gain @ gain.T + held
+    covariance = np.empty((2, 2))
+    up, climb = height_and_climb(
+        samples.age, samples.up, samples.white_sigma, samples.correlated_sigma, correlation_time,
+        covariance,
+    )
+    return up, climb, covariance

@@ -6,6 +6,7 @@ from math import hypot, sqrt
 import numpy as np
 
 from ctcbs_ros.kernels.circle_angles import newest_offset, progress
+from ctcbs_ros.kernels.circle_errors import clipped_rms
 from ctcbs_ros.orbit.circle_fit import CircleFit
 from ctcbs_ros.orbit.settings import TURN, OrbitSettings
 from ctcbs_ros.orbit.window import Samples
@@ -103,7 +104,7 @@ def _changes(fit, arc, widened, flown, settings) -> Objection | None:
 
 def _off_the_circle(fit, angle, sigma, settings) -> Objection | None:
     allowed = _allowed(fit, sigma, settings)
-    rms = float(np.sqrt(np.mean(np.minimum(np.abs(fit.radial), 3.0 * allowed) ** 2)))
+    rms = clipped_rms(fit.radial, 3.0 * allowed)
     if rms > allowed:
         return Objection(
             f"the track is {rms:.1f} m (rms) off the best circle of {fit.radius:.0f} m"

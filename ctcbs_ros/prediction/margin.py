@@ -2,10 +2,13 @@
 
 A margin costs more than all the rest of an update. The modes are smooth functions of the flight
 and of the end-mass radius, at a fold too, so that one computed in full holds nearby: its error per
-radian of orbit is once or twice the distance in ln, a tenth of a percent for the state flown.
+radian of orbit is once or twice the distance in ln, a tenth of a percent for the state flown. The
+number of functions that resolves them holds further.
 """
 
+from dataclasses import replace
 from math import inf, log
+from typing import NamedTuple
 
 from ctcbs_ros.prediction.jumps import is_on_another_branch
 from ctcbs_ros.solver.family import family_between
@@ -16,13 +19,21 @@ from ctcbs_ros.solver.steady_state import SteadyState
 # and one after which it cannot wait where another one has been computed for the same orbit.
 _NEARBY = 0.001
 _AT_ONCE = 0.003
+# The same for the number of functions, which is then sought anew.
+_SAME_FUNCTIONS = 0.02
+
+
+class _Known(NamedTuple):
+    state: SteadyState
+    stability: Stability
+    resolved: SteadyState  # where as many functions were found to be enough
 
 
 class Margins:
     """Stability of the states of an orbit, from orbit to orbit."""
 
     def __init__(self):
-        self._known: list[tuple[SteadyState, Stability]] = []
+        self._known: list[_Known] = []
 
     def reset(self) -> None:
         """Forget all states: the next ones are computed in full."""
@@ -43,11 +54,23 @@ class Margins:
         del self._known[len(states) :]
         computed = False
         for i, state in enumerate(states):
-            moved = _moved(self._known[i][0], state) if i < len(self._known) else inf
+            known = self._known[i] if i < len(self._known) else None
+            moved = inf if known is None else _moved(known.state, state)
             if moved > (_AT_ONCE if computed else _NEARBY):
-                self._known[i : i + 1] = [(state, stability(state))]
+                self._known[i : i + 1] = [_computed(state, known)]
                 computed = True
-        return tuple(known for _, known in self._known)
+        return tuple(known.stability for known in self._known)
+
+
+def _computed(state: SteadyState, known: _Known | None) -> _Known:
+    if (
+        known is None
+        or not known.stability.converged
+        or _moved(known.resolved, state) > _SAME_FUNCTIONS
+    ):
+        return _Known(state, stability(state), state)
+    found = stability(state, functions=(known.stability.functions,))
+    return _Known(state, replace(found, converged=True), known.resolved)
 
 
 def _moved(known: SteadyState, state: SteadyState) -> float:

@@ -1,0 +1,66 @@
+"""Along the track: where the turn that is flown began, and where it came onto a circle."""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def turn_start(course, reach):
+    """Where the newest turn begins: straight flight before it adds no angle.
+
+    Parameters
+    ----------
+    course : (n,) array
+        Over ground, continuous [rad].
+    reach : float
+        Angle that the window holds at most [rad].
+
+    Returns
+    -------
+    kept : int
+        Those before it will never be needed again.
+    start : int
+    """
+    n = course.shape[0]
+    kept = n - 1
+    while kept > 0 and abs(course[kept] - course[n - 1]) <= reach:
+        kept -= 1
+    most = 0.0
+    for i in range(kept, n):
+        most = max(most, abs(course[i] - course[n - 1]))
+    start = n - 1
+    while abs(course[start] - course[n - 1]) < most - 0.03 * most - 0.02:
+        start -= 1
+    return kept, start
+
+
+@njit(cache=True)
+def joined_circle(points, ahead, white_sigma, correlated_sigma, circle, drift):
+    """Index of the sample from which the track has been on a circle.
+
+    A single glitch does not end the run: three samples in a row do.
+
+    Parameters
+    ----------
+    points : (n, 2) array
+        [m]
+    ahead : (n,) array
+        Time since the circle was there [s].
+    white_sigma, correlated_sigma : (n,) arrays
+        Standard deviations of one axis [m].
+    circle, drift : (3,), (2,) arrays
+        Centre and radius [m], and the centre's velocity [m/s].
+    """
+    away = 0
+    for i in range(points.shape[0] - 1, -1, -1):
+        east = points[i, 0] - circle[0] - ahead[i] * drift[0]
+        north = points[i, 1] - circle[1] - ahead[i] * drift[1]
+        variance = white_sigma[i] ** 2 + correlated_sigma[i] ** 2
+        off = abs(np.hypot(east, north) - circle[2])
+        if off * off < 16.0 * variance + (0.08 * circle[2]) ** 2:
+            away = 0
+        else:
+            away += 1
+            if away == 3:
+                return i + 3
+    return 0
