@@ -83,6 +83,26 @@ def test_an_orbit_computes_one_margin_unless_others_have_moved_far(computed):
     assert margins.update(far) == tuple(stability(state) for state in far)
 
 
+def test_the_number_of_functions_is_sought_anew_only_far_from_where_it_was_found(monkeypatch):
+    sought = []
+
+    def counted(state, **options):
+        sought.append(not options)
+        return stability(state, **options)
+
+    monkeypatch.setattr(margin, "stability", counted)
+    configuration, radius, speed = FLIGHTS["design example"]
+    margins, states = Margins(), states_of(configuration, radius, speed)
+    for factor, expected in ((1.0, True), (1.01, False), (0.99, False), (1.05, True)):
+        states = states_of(configuration, radius, speed * factor, states)
+        (found,) = margins.update(states)
+        assert sought.pop() == expected
+        full = stability(states[0])
+        assert found.converged
+        assert found.functions == full.functions
+        assert found.growth_rate == pytest.approx(full.growth_rate, rel=1e-6)
+
+
 def test_the_state_of_another_branch_is_never_given_the_margin_of_this_one():
     states = states_of(*FLIGHTS["folding"])
     margins = Margins()

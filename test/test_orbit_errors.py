@@ -86,7 +86,8 @@ def test_stated_errors_are_kept_and_the_excess_over_them_is_told():
             fit.radial, fit.along, fit.weight, fit.velocities, fit.radius, fit.late, age,
             sigmas[0], np.full(150, correlated), 45.0, True, 0.01, *variances,
         )
-        assert (variances[0] == sigmas[0] ** 2).all() and (variances[1] == sigmas[1] ** 2).all()
+        assert (variances[0] == sigmas[0] ** 2).all()
+        assert (variances[1] == sigmas[1] ** 2).all()
         assert seen == pytest.approx(1.0, abs=0.3)
         assert expected == pytest.approx(explained)
 
@@ -119,7 +120,8 @@ def test_the_phase_is_that_of_a_weighted_line_through_the_newest_part():
     operator = np.zeros(60)
     phase = newest_phase(time, angle, sigma, 4.0, operator)
     assert phase == pytest.approx(slope_and_phase[1], rel=1e-9)
-    assert operator @ angle == pytest.approx(phase) and not operator[~newest].any()
+    assert operator @ angle == pytest.approx(phase)
+    assert not operator[~newest].any()
     # Never fewer than three samples.
     operator[:] = 0.0
     newest_phase(time, angle, sigma, 1e-9, operator)
@@ -133,7 +135,8 @@ def test_a_turn_begins_where_straight_flight_ends_and_reaches_no_further_than_th
     kept, start = turn_start(course, 100.0)
     assert 30 <= start <= 34  # 3 % and 0.02 rad of the turn may be lost
     kept, start = turn_start(course, 6.5)
-    assert course[kept] == pytest.approx(5.4, abs=0.01) and start >= kept
+    assert course[kept] == pytest.approx(5.4, abs=0.01)
+    assert start >= kept
     assert turn_start(-course, 6.5) == (kept, start)
     assert turn_start(course[:1], 6.5) == (0, 0)
 
