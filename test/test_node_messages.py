@@ -142,6 +142,7 @@ def prediction(**changes):
         covariance=covariance, fold_distance=4.0, geodetic=Geodetic(47.4, 8.5, 650.0, True),
         height_above_home=150.0, circle_center=np.array([1.0, 2.0, 200.0]),
         cable=np.linspace([1.0, 12.0, 200.0], [50.0, 30.0, 300.0], 41), settling_time=30.0,
+        time_on_orbit=40.0,
         nearest_loss="flutter", others=(), jump_in_angular_rate=None, jump_in_speed=None,
         jump_in_radius=None, method="full solve",
     )  # fmt: skip
@@ -279,7 +280,7 @@ def test_every_skip_is_counted_and_the_orbit_stands_through_it():
     telemetry, orbit, found = monitor.report(None, {})
     assert all(values(telemetry)[f"skipped {code.value}"] == "1" for code in SkipCode)
     assert values(telemetry)["samples"] == str(1 + len(SkipCode))
-    assert (orbit.message, found.message) == ("orbiting", "valid")
+    assert (orbit.message, found.message) == ("orbiting", "valid, settled")
 
 
 def test_silence_is_an_error_and_takes_orbit_and_prediction_away():
@@ -299,6 +300,16 @@ def test_without_orbit_there_is_a_warning_and_no_end_mass():
     assert orbit.level == found.level == DiagnosticStatus.WARN
     assert orbit.message.startswith("NOT_ORBITING")
     assert not found.values
+
+
+def test_an_end_mass_on_its_way_is_said_to_be_settling():
+    for changed, told in (
+        ({"time_on_orbit": 12.0}, "valid, still settling: 12 s on this orbit of 30 s"),
+        ({"settling_time": inf}, "valid, but nothing settles: 40 s on this orbit"),
+    ):
+        monitor = Monitor()
+        monitor.add(with_end_mass(**changed))
+        assert monitor.report(None, {})[2].message == told
 
 
 def test_infinite_settling_time_is_shown_as_none():

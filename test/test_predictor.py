@@ -221,7 +221,7 @@ def test_a_gap_of_five_seconds_is_told_and_flown_through():
     predictions = predict(cut)
     stale = [p for p in predictions if WarningCode.STALE_TELEMETRY in codes(p)]
     assert [p.time for p in stale] == [55.0]
-    assert "5.2 s" in next(w.text for w in stale[0].warnings if "no position" in w.text)
+    assert "5.2 s" in next(w.text for w in stale[0].warnings if "gap" in w.text)
     after = [p for p in predictions if 60.0 < p.time < 80.0]
     assert after
     for prediction in after:

@@ -130,8 +130,46 @@ def test_outside_the_envelope_is_said_of_radius_and_of_speed(radius, speed, word
 
 
 def test_no_solution_says_why():
-    (warning,) = tracking_warnings(Tracked(None, "", (), "full solve", 0, "the cable is slack"))
+    nothing = Tracked(None, "", (), "full solve", 0, "the cable is slack")
+    (warning,) = tracking_warnings(nothing, 80.0)
     assert (warning.code, warning.text) == (WarningCode.NO_SOLUTION, "the cable is slack")
+
+
+def test_other_steady_states_are_told_with_their_radii_in_metres_and_their_stability(end_mass):
+    others = (
+        replace(end_mass.state, radius=61.26, stable=False),
+        replace(end_mass.state, radius=75.0, stable=True),
+    )
+    many = replace(end_mass, branch="main", others=others)
+    (warning,) = end_mass_warnings(many, DRONE.cable, DRONE.limits)
+    assert warning.code is WarningCode.MULTIPLE_SOLUTIONS
+    assert f"branch 'main', circle of {end_mass.state.radius:.1f} m (stable)" in warning.text
+    assert warning.text.endswith("61.3 m (unstable), 75.0 m (stable)")
+
+
+def test_a_jump_is_told_with_the_radius_in_metres(end_mass):
+    flight = orbiting(100.0, UNIT_SPEED, 3.0, height=600.0, rate=3.0, radius_change=(94.0, 1.5))
+    predictions = predict(samples_of(flight), folding_configuration())
+    (jumped,) = [p for p in predictions if WarningCode.JUMPED in codes(p)]
+    (warning,) = [w for w in jumped.warnings if w.code is WarningCode.JUMPED]
+    assert warning.text.endswith(f"a circle of {jumped.end_mass.state.radius:.1f} m")
+
+
+def test_a_gap_that_is_over_is_told_as_one():
+    samples = [s for s in samples_of(FLIGHT) if not 30.0 <= s.time < 33.0]
+    told = [
+        w.text for p in predict(samples) for w in p.warnings
+        if w.code is WarningCode.STALE_TELEMETRY
+    ]  # fmt: skip
+    assert told == ["a gap without positions, of 3.2 s (limit 2 s)"]
+    assert Predictor(DRONE).stale(3.2).text == "no position for 3.2 s (limit 2 s)"
+
+
+def test_no_direction_is_told_of_a_wind_weaker_than_its_error(orbit):
+    for east, told in ((2.0, False), (4.0, True)):
+        air = Wind(np.array([east, 0.0]), 9.0 * np.eye(2), WindSource.PARAMETER)
+        (warning,) = wind_warnings(air, orbit)
+        assert ("from 270 deg" in warning.text) is told
 
 
 def test_near_jump_watches_speed_and_radius_whichever_is_nearer(end_mass):

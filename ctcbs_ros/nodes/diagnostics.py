@@ -7,7 +7,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
-from ctcbs_ros.prediction.prediction import Prediction
+from ctcbs_ros.prediction.prediction import EndMass, Prediction
 from ctcbs_ros.prediction.record import Record, end_mass_fields, finite, orbit_fields, wind_fields
 from ctcbs_ros.prediction.tally import Tally
 from ctcbs_ros.telemetry.skip_code import SkipCode
@@ -95,10 +95,19 @@ def prediction_status(prediction: Prediction) -> DiagnosticStatus:
         # Silence must not be taken for safety.
         known = isfinite(prediction.end_mass.height_above_home)
         figures["ground proximity"] = "judged" if known else "not judged, no height above ground"
-        return _status("prediction", warnings, "valid", figures)
+        return _status("prediction", warnings, _settling(prediction.end_mass), figures)
     status = _status("prediction", warnings, "no prediction: no orbit", {})
     status.level = max(status.level, DiagnosticStatus.WARN)
     return status
+
+
+def _settling(end_mass: EndMass) -> str:
+    if end_mass.settled:
+        return "valid, settled"
+    flown = f"{end_mass.time_on_orbit:.0f} s on this orbit"
+    if not isfinite(end_mass.settling_time):
+        return f"valid, but nothing settles: {flown}"
+    return f"valid, still settling: {flown} of {end_mass.settling_time:.0f} s"
 
 
 def _no_telemetry(subject: str) -> DiagnosticStatus:

@@ -7,11 +7,13 @@ the other sense of rotation, after a long silence. The next orbit is then a firs
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.prediction.branch import BranchTracker, Tracked
 from ctcbs_ros.prediction.jumps import JumpFinder
 from ctcbs_ros.prediction.margin import Margins
 from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.prediction.straight_flight import StraightFlight
+from ctcbs_ros.prediction.time_on_orbit import TimeOnOrbit
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import Stability
 
@@ -24,6 +26,7 @@ class History:
         self._jumps = JumpFinder()
         self._margins = Margins()
         self._straight = StraightFlight()
+        self._time_on_orbit = TimeOnOrbit()
         self._sense = 0
 
     def end(self) -> None:
@@ -32,6 +35,7 @@ class History:
         self._jumps.reset()
         self._margins.reset()
         self._straight.reset()
+        self._time_on_orbit.reset()
         self._sense = 0
 
     def flown_without_orbit(self, position, cable_length: float) -> None:
@@ -39,12 +43,23 @@ class History:
         if self._straight.add(position, cable_length):
             self.end()
 
-    def flown_on_orbit(self, sense: int) -> None:
-        """Take in the sense of an orbit; the other one than before begins a new history."""
+    def flown_on_orbit(self, orbit: Orbit) -> float:
+        """Take in an orbit; one in the other sense than before begins a new history.
+
+        Returns
+        -------
+        float
+            See `TimeOnOrbit.add`.
+        """
         self._straight.reset()
-        if sense == -self._sense:
+        if orbit.sense == -self._sense:
             self.end()
-        self._sense = sense
+        self._sense = orbit.sense
+        return self._time_on_orbit.add(orbit)
+
+    def disturb(self) -> None:
+        """From now on the end mass has to settle anew: the cable or its load has changed."""
+        self._time_on_orbit.disturb()
 
     def track(self, parameters: Parameters, guesses: Sequence[float] | None) -> Tracked:
         """The state flown at the present parameters; see `BranchTracker.update`."""

@@ -20,6 +20,7 @@ _SETTLED = log(20.0)
 
 def end_mass_in_si(
     orbit: Orbit,
+    time_on_orbit: float,
     point: FlightPoint,
     tracked: Tracked,
     outlook: Outlook,
@@ -32,6 +33,8 @@ def end_mass_in_si(
     Parameters
     ----------
     orbit : Orbit
+    time_on_orbit : float
+        For which it has been flown [s].
     point : FlightPoint
         The orbit scaled.
     tracked : Tracked
@@ -65,7 +68,8 @@ def end_mass_in_si(
         height_above_home=float(position[2] - ground_up),
         circle_center=orbit.center - np.array([0.0, 0.0, state.depth]),
         cable=pose.cable_points(orbit, point, tracked.state),
-        settling_time=_SETTLED / state.margin_per_s if state.margin_per_s > 0.0 else inf,
+        settling_time=settling_time(state),
+        time_on_orbit=time_on_orbit,
         nearest_loss=outlook.stability.nearest_loss,
         others=tuple(
             state_in_si(point, other, stability)
@@ -76,6 +80,11 @@ def end_mass_in_si(
         jump_in_radius=in_radius,
         method=tracked.method,
     )
+
+
+def settling_time(state: EndMassState) -> float:
+    """Seconds until a small disturbance has decayed to 5 %; inf if it does not."""
+    return _SETTLED / state.margin_per_s if state.margin_per_s > 0.0 else inf
 
 
 def state_in_si(point: FlightPoint, state: SteadyState, stability: Stability) -> EndMassState:

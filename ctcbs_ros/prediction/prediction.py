@@ -67,6 +67,8 @@ class Geodetic:
 class EndMass:
     """The end mass on the tracked branch: where it is at the present phase, and its circle.
 
+    That is where it is once it has settled on the orbit flown, see `settled`.
+
     Attributes
     ----------
     state : EndMassState
@@ -91,6 +93,8 @@ class EndMass:
         East, north, up [m] of points along the cable, from the end mass to the tow point.
     settling_time : float
         Seconds until a small disturbance has decayed to 5 %; inf if it does not.
+    time_on_orbit : float
+        Seconds for which this orbit, cable and load have been flown.
     nearest_loss : str
         "divergence" or "flutter": the way in which the least damped mode would lose stability.
     others : tuple of EndMassState
@@ -113,12 +117,21 @@ class EndMass:
     circle_center: np.ndarray
     cable: np.ndarray
     settling_time: float
+    time_on_orbit: float
     nearest_loss: str
     others: tuple[EndMassState, ...]
     jump_in_angular_rate: Jump | None
     jump_in_speed: Jump | None
     jump_in_radius: Jump | None
     method: str
+
+    @property
+    def settled(self) -> bool:
+        """Whether this orbit has been flown for the settling time.
+
+        Until then the end mass is on its way to where it is predicted.
+        """
+        return self.time_on_orbit >= self.settling_time
 
     def circle(self, count: int = 72) -> np.ndarray:
         """Positions over one orbit from now on, (count, 3) east, north, up [m]."""
@@ -141,6 +154,9 @@ class EndMass:
 @dataclass(frozen=True)
 class Prediction:
     """What is known after one sample. `end_mass` is None unless the prediction is valid.
+
+    Valid means that the orbit is known and where the end mass settles on it; whether it has had
+    the time to is another matter: `EndMass.settled`.
 
     Attributes
     ----------

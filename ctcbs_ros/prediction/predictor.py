@@ -4,7 +4,7 @@ Each sample goes down the one way of docs/architecture.md: screened, placed in t
 fitted to an orbit, scaled, solved on the tracked branch, described in SI units with its warnings.
 """
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from math import isfinite, nan, radians
 
 import numpy as np
@@ -25,6 +25,7 @@ from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Geodetic, Pre
 from ctcbs_ros.prediction.warnings import (
     end_mass_warnings,
     envelope_warnings,
+    no_solution,
     not_orbiting,
     skip_warnings,
     stale_telemetry,
@@ -98,16 +99,19 @@ class Predictor:
         limits: WarningLimits | None = None,
     ) -> None:
         """Take over what changes in flight: cable paid out [m], end mass [kg], warning limits."""
+        before = self._cable_length, self._end_mass
         if cable_length is not None:
             self._cable_length = cable_length
         if end_mass is not None:
             self._end_mass = end_mass
+        if (self._cable_length, self._end_mass) != before:
+            self._history.disturb()
         if limits is not None:
             self._limits = limits
 
     def stale(self, seconds_without_sample: float) -> Warning | None:
         """The warning due after a time without a sample [s], None while that is within limits."""
-        return stale_telemetry(seconds_without_sample, self._limits)
+        return stale_telemetry(seconds_without_sample, self._limits, over=False)
 
     def update(self, sample: Sample) -> Prediction:
         """Take in one sample.
@@ -146,7 +150,7 @@ class Predictor:
             warnings.append(track_broken())
         gap = sample.time - self._last_time
         self._last_time = sample.time
-        if isfinite(gap) and (stale := self.stale(gap)):
+        if isfinite(gap) and (stale := stale_telemetry(gap, self._limits, over=True)):
             warnings.append(stale)
         if gap > _LONGEST_GAP:
             self._history.end()
@@ -171,8 +175,8 @@ class Predictor:
         if not self._orbiting:
             self._wind_of_turn.begin(fix.orbit.start_time)
             self._orbiting = True
-        self._history.flown_on_orbit(fix.orbit.sense)
-        return self._predict(sample, local, fix.orbit, warnings)
+        time_on_orbit = self._history.flown_on_orbit(fix.orbit)
+        return self._predict(sample, local, fix.orbit, time_on_orbit, warnings)
 
     def state_at(
         self, radius: float, speed: float, air_density: float, near_radius: float
@@ -204,7 +208,9 @@ class Predictor:
             self._configuration, radius, speed, density, self._cable_length, self._end_mass
         )
 
-    def _predict(self, sample, local: LocalSample, orbit: Orbit, warnings) -> Prediction:
+    def _predict(
+        self, sample, local: LocalSample, orbit: Orbit, time_on_orbit: float, warnings
+    ) -> Prediction:
         density = self._air_density(local, sample.air_density)
         warnings += envelope_warnings(orbit, self._configuration.envelope)
         self._wind.shown(self._wind_of_turn.estimate(orbit))
@@ -218,24 +224,25 @@ class Predictor:
                     f"no air density: {local.altitude_amsl:.0f} m above sea level is outside "
                     "the standard atmosphere, -5 to 20 km"
                 )
-            warnings += tracking_warnings(Tracked(None, "", (), "", 0, reason))
+            warnings.append(no_solution(reason))
             return self._prediction(sample, orbit, local, None, density, warnings)
         guesses = self._table.guesses(point) if self._table is not None else None
         tracked = self._history.track(point.parameters, guesses)
-        warnings += tracking_warnings(tracked)
+        warnings += tracking_warnings(tracked, orbit.radius)
         if tracked.state is None:
             return self._prediction(sample, orbit, local, None, density, warnings)
         try:
-            end_mass = self._described(orbit, local, point, tracked)
+            end_mass = self._described(orbit, time_on_orbit, local, point, tracked)
         except ArithmeticError as error:
-            warnings += tracking_warnings(replace(tracked, state=None, reason=str(error)))
+            warnings.append(no_solution(str(error)))
             return self._prediction(sample, orbit, local, None, density, warnings)
         if end_mass is not None:
             warnings += end_mass_warnings(end_mass, self._configuration.cable, self._limits)
         return self._prediction(sample, orbit, local, end_mass, density, warnings)
 
     def _described(
-        self, orbit: Orbit, local: LocalSample, point: FlightPoint, tracked: Tracked
+        self, orbit: Orbit, time_on_orbit: float, local: LocalSample, point: FlightPoint,
+        tracked: Tracked,
     ) -> EndMass | None:
         may_end = self._table is None or self._table.may_end(point)
         outlook = self._history.outlook(tracked, may_end)
@@ -246,7 +253,9 @@ class Predictor:
         if not isfinite(ground_up):
             ground_up = local.home_up
         geodetic = self._geodetic(position)
-        return end_mass_in_si(orbit, point, tracked, outlook, position, geodetic, ground_up)
+        return end_mass_in_si(
+            orbit, time_on_orbit, point, tracked, outlook, position, geodetic, ground_up
+        )
 
     def _geodetic(self, position: np.ndarray) -> Geodetic:
         datum = self.datum

@@ -113,6 +113,8 @@ def end_mass_fields(end_mass: EndMass) -> Record:
         "end_mass_height_above_home_m": finite(end_mass.height_above_home),
         **state_fields(end_mass.state),
         "settling_time_s": finite(end_mass.settling_time),
+        "time_on_orbit_s": finite(end_mass.time_on_orbit),
+        "settled": end_mass.settled,
         "nearest_loss": end_mass.nearest_loss,
         "jump_margin": finite(end_mass.jump_margin),
         "fold_distance_std": finite(end_mass.fold_distance),

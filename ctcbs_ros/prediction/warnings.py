@@ -7,7 +7,7 @@ from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.wind import Wind, WindSource
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
-from ctcbs_ros.prediction.prediction import EndMass
+from ctcbs_ros.prediction.prediction import EndMass, EndMassState
 from ctcbs_ros.prediction.wind_choice import described
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
@@ -50,13 +50,13 @@ def track_broken() -> Warning:
     )
 
 
-def stale_telemetry(seconds: float, limits: WarningLimits) -> Warning | None:
-    """STALE_TELEMETRY after a time without a sample [s]."""
+def stale_telemetry(seconds: float, limits: WarningLimits, over: bool) -> Warning | None:
+    """STALE_TELEMETRY after a time without a sample [s], be it over now or not."""
     if seconds <= limits.stale_after:
         return None
+    words = "a gap without positions, of" if over else "no position for"
     return _error(
-        WarningCode.STALE_TELEMETRY,
-        f"no position for {seconds:.1f} s (limit {limits.stale_after:g} s)",
+        WarningCode.STALE_TELEMETRY, f"{words} {seconds:.1f} s (limit {limits.stale_after:g} s)"
     )
 
 
@@ -101,36 +101,28 @@ def wind_warnings(wind: Wind | None, orbit: Orbit) -> list[Warning]:
     return []
 
 
-def tracking_warnings(tracked: Tracked) -> list[Warning]:
-    """NO_SOLUTION, JUMPED and MULTIPLE_SOLUTIONS."""
+def no_solution(reason: str) -> Warning:
+    """NO_SOLUTION, with the reason."""
+    return _error(WarningCode.NO_SOLUTION, reason)
+
+
+def tracking_warnings(tracked: Tracked, tow_radius: float) -> list[Warning]:
+    """NO_SOLUTION and JUMPED; the tow radius in metres."""
     if tracked.state is None:
-        reason = tracked.reason or "no steady state at this orbit"
-        return [_error(WarningCode.NO_SOLUTION, reason)]
-    found = []
+        return [no_solution(tracked.reason or "no steady state at this orbit")]
     if tracked.jumps:
-        found.append(
-            _error(
-                WarningCode.JUMPED,
-                "the branch flown has ended: the end mass jumps to a radius of "
-                f"{tracked.state.end_mass_radius:.3g} tow radii",
-            )
-        )
-    if tracked.others:
-        radii = ", ".join(f"{s.end_mass_radius:.3g}" for s in tracked.others)
-        found.append(
-            _warn(
-                WarningCode.MULTIPLE_SOLUTIONS,
-                f"on branch '{tracked.branch}' at {tracked.state.end_mass_radius:.3g} tow radii; "
-                f"other steady states at {radii}",
-            )
-        )
-    return found
+        radius = tow_radius * tracked.state.end_mass_radius
+        text = f"the branch flown has ended: the end mass jumps to a circle of {radius:.1f} m"
+        return [_error(WarningCode.JUMPED, text)]
+    return []
 
 
 def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) -> list[Warning]:
-    """UNSTABLE, LOW_MARGIN, NEAR_JUMP, TENSION_LIMIT and GROUND_PROXIMITY."""
+    """All that is to be said of the end mass itself, from MULTIPLE_SOLUTIONS on."""
     found = []
     state = end_mass.state
+    if end_mass.others:
+        found.append(_warn(WarningCode.MULTIPLE_SOLUTIONS, _states_told(end_mass)))
     if not state.stable:
         found.append(
             _error(
@@ -187,3 +179,16 @@ def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) ->
             )
         )
     return found
+
+
+def _states_told(end_mass: EndMass) -> str:
+    """Radius and stability of the state flown and of the others."""
+    others = ", ".join(_state_told(other) for other in end_mass.others)
+    return (
+        f"on branch '{end_mass.branch}', circle of {_state_told(end_mass.state)}; other steady "
+        f"states of this orbit: {others}"
+    )
+
+
+def _state_told(state: EndMassState) -> str:
+    return f"{state.radius:.1f} m ({'stable' if state.stable else 'unstable'})"
