@@ -7,7 +7,7 @@ import re
 import signal
 import subprocess
 import sys
-from math import inf, nan
+from math import inf, log, nan
 from pathlib import Path
 
 import numpy as np
@@ -152,6 +152,25 @@ def test_text_of_the_summary_tells_wind_that_is_seen_from_wind_that_is_not_known
 ):
     windy = core_replay[1] | {"wall_s": 1.0, "warnings": {"WIND_UNMODELLED": 7}, "wind_seen": seen}
     assert f"WIND_UNMODELLED     {said} prediction is for still air" in summary_text(windy)
+
+
+def test_text_of_the_summary_says_which_orbits_were_too_short_to_settle_on(core_replay):
+    (orbit,) = core_replay[1]["orbits"]
+    flown = orbit["end_s"] - orbit["start_s"]
+    orbits = [orbit | {"settling_time_s": t} for t in (flown - 1.0, flown + 1.0, None)]
+    text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": orbits})
+    assert "Left before the end mass had settled: orbits 2, 3. It need" in text
+    assert "Left before" not in summary_text(
+        core_replay[1] | {"wall_s": 1.0, "orbits": orbits[:1]}
+    )
+    assert orbit["settling_time_s"] == pytest.approx(log(20.0) / orbit["margin_per_s"])
+
+
+def test_text_of_the_summary_gives_no_direction_of_a_wind_weaker_than_its_error(core_replay):
+    (orbit,) = core_replay[1]["orbits"]
+    calm = orbit | {"wind_source": "flight", "wind_speed_m_s": 0.02, "wind_from_deg": None}
+    text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [calm]})
+    assert "Wind at the end of orbit 1: 0.0 m/s, by the flight" in text
 
 
 def test_text_of_the_summary_counts_one_and_many(core_replay):

@@ -43,6 +43,8 @@ _SOUGHT_ANEW = 1.0 / 16.0
 _SEEN_CHANGE = 3.5
 # Part of a turn whose angles tell the phase.
 _NEWEST = 0.08
+# Turn of the course [deg] below which there is none to speak of.
+_NO_TURN = 5.0
 # Fewest samples of a circle.
 _FEWEST = 6
 # Windows tried in turn, over the whole one.
@@ -126,10 +128,11 @@ class OrbitEstimator:
             return self._none("too few samples yet")
         samples = self._window.newest_turn()
         if samples.turned < 0.8 * self._settings.least_arc:
-            return self._none(
-                f"the course has turned by {np.degrees(samples.turned):.0f} deg in the last "
-                f"{samples.time[-1] - samples.time[0]:.0f} s"
-            )
+            turned = np.degrees(samples.turned)
+            if turned < _NO_TURN:
+                return self._none("the course does not turn")
+            seconds = samples.time[-1] - samples.time[0]
+            return self._none(f"the course has turned by {turned:.0f} deg in {seconds:.1f} s")
         course = float(self._window.kept.course[-1])
         if self._last is None and abs(course - self._refused_at) < _TRIED_ANEW:
             return self._none(self._refused)

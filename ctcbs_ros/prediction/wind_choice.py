@@ -111,8 +111,9 @@ def user_wind(wind: SetWind) -> Wind | None:
 
 
 def described(wind: Wind) -> str:
-    """Strength and direction of a wind in words."""
-    return f"{wind.speed:.1f} m/s from {wind.from_direction:.0f} deg"
+    """Strength of a wind in words, and its direction where it is stronger than its error."""
+    origin = f" from {wind.from_direction:.0f} deg" if wind.speed > wind.sigma else ""
+    return f"{wind.speed:.1f} m/s{origin}"
 
 
 def _noted(wind: Wind, note: str) -> Wind:

@@ -3,12 +3,13 @@
 from array import array
 from bisect import bisect_left, bisect_right
 from dataclasses import asdict
-from math import atan2, degrees, hypot, isfinite, nan
+from math import isfinite, nan
 from typing import Any
 
 from ctcbs_ros.geodesy import to_geodetic
 from ctcbs_ros.orbit.segments import OrbitSegment, OrbitSegments
 from ctcbs_ros.orbit.wind import WindSource
+from ctcbs_ros.prediction.in_si import settling_time
 from ctcbs_ros.prediction.prediction import Prediction
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import finite, sense_name
@@ -38,8 +39,8 @@ class Summary:
         self._flights: set[int] = set()
         # End masses of the flight, thinned: time, radius of the end mass, density of the air.
         self._times, self._radii, self._densities = array("d"), array("d"), array("d")
-        # Wind of each: towards east, north; and its source by number, -1 for none.
-        self._easts, self._norths, self._sources = array("d"), array("d"), array("b")
+        # Wind of each: speed, where from [deg], nan where not known; its source by number, or -1.
+        self._winds, self._directions, self._sources = array("d"), array("d"), array("b")
 
     def add(self, prediction: Prediction) -> None:
         """Take in the prediction of one more sample."""
@@ -50,7 +51,10 @@ class Summary:
             self._first_time = prediction.time
         self._flights.add(prediction.flight)
         while self._times and self._times[-1] > prediction.time:  # of time stamps that were wrong
-            for remembered in (self._times, self._radii, self._densities):
+            for remembered in (
+                self._times, self._radii, self._densities,
+                self._winds, self._directions, self._sources,
+            ):  # fmt: skip
                 remembered.pop()
         self._segments.add(prediction.time, prediction.orbit, prediction.tow_point)
         if prediction.valid and (
@@ -60,9 +64,9 @@ class Summary:
             self._radii.append(prediction.end_mass.state.radius)
             self._densities.append(prediction.air_density)
             wind = prediction.wind
-            east, north = (nan, nan) if wind is None else wind.velocity
-            self._easts.append(east)
-            self._norths.append(north)
+            self._winds.append(nan if wind is None else wind.speed)
+            told = wind is not None and wind.speed > wind.sigma
+            self._directions.append(wind.from_direction if told else nan)
             self._sources.append(-1 if wind is None else _SOURCES.index(wind.source))
 
     def finish(self) -> dict[str, Any]:
@@ -74,8 +78,8 @@ class Summary:
             samples, predictions, skipped, warnings, wind_seen (of the samples warned of wind,
             those where there is some), and orbits: for each its start and end in
             seconds after the first believed sample, turns, radius, speed, sense, centre, and the
-            end mass's radius, depth and margin, which are None where no state was found, and the
-            wind at its end, None where nobody knew; flights
+            end mass's radius, depth, margin and settling time, which are None where no state was
+            found or none settles, and the wind at its end, None where nobody knew; flights
             counts the boots of the vehicle that gave believed samples.
         """
         orbits = [self._orbit(segment) for segment in self._segments.finish()]
@@ -105,15 +109,16 @@ class Summary:
             "end_mass_radius_m": finite(state.radius) if state else None,
             "end_mass_depth_m": finite(state.depth) if state else None,
             "margin_per_s": finite(state.margin_per_s) if state else None,
+            "settling_time_s": finite(settling_time(state)) if state else None,
             **wind,
         }
 
     def _wind(self, number: int) -> dict[str, Any]:
         """The wind believed at the newest end mass of an orbit."""
-        east, north, source = self._easts[number], self._norths[number], self._sources[number]
+        source = self._sources[number]
         return {
-            "wind_speed_m_s": finite(hypot(east, north)),
-            "wind_from_deg": finite(degrees(atan2(-east, -north)) % 360.0),
+            "wind_speed_m_s": finite(self._winds[number]),
+            "wind_from_deg": finite(self._directions[number]),
             "wind_source": None if source < 0 else _SOURCES[source].value,
         }
 

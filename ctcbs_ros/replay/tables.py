@@ -61,6 +61,8 @@ PREDICTION_COLUMNS = (
     "stable",
     "residual",
     "settling_time_s",
+    "time_on_orbit_s",
+    "settled",
     "nearest_loss",
     "jump_margin",
     "fold_distance_std",

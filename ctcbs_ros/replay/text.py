@@ -101,22 +101,47 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
         yield f"No orbit of {LEAST_TURNS:g} turns or more was flown{shorter}."
         return
     yield (
-        "orbit   from s     to s  turns  radius m  speed m/s  sense          "
-        "end mass: radius m  depth m  margin 1/s"
+        "                                          ground speed                 "
+        "end mass, once settled"
+    )
+    yield (
+        "orbit   from s     to s  turns  radius m           m/s  sense          "
+        "radius m  depth m  margin 1/s  settles in s"
     )
     for number, orbit in enumerate(orbits, 1):
         yield (
             f"{number:5}  {orbit['start_s']:7.1f}  {orbit['end_s']:7.1f}  {orbit['turns']:5.2f}  "
-            f"{orbit['radius_m']:8.2f}  {orbit['speed_m_s']:9.2f}  {SENSES[orbit['sense']]:13}  "
-            f"{_number(orbit['end_mass_radius_m'], 18, 2)}  "
+            f"{orbit['radius_m']:8.2f}  {orbit['speed_m_s']:12.2f}  {SENSES[orbit['sense']]:13}  "
+            f"{_number(orbit['end_mass_radius_m'], 8, 2)}  "
             f"{_number(orbit['end_mass_depth_m'], 7, 2)}  {_number(orbit['margin_per_s'], 10, 4)}"
+            f"  {_number(orbit['settling_time_s'], 12, 0)}"
+        )
+    left = [number for number, orbit in enumerate(orbits, 1) if not _settled(orbit)]
+    if left:
+        yield (
+            f"Left before the end mass had settled: {_orbits(left)}. It need not have been where "
+            "it is predicted then."
         )
     for number, orbit in enumerate(orbits, 1):
         if orbit["wind_source"] is not None:
+            direction = orbit["wind_from_deg"]
+            origin = "" if direction is None else f" from {direction:.0f} deg"
             yield (
-                f"Wind at the end of orbit {number}: {orbit['wind_speed_m_s']:.1f} m/s from "
-                f"{orbit['wind_from_deg']:.0f} deg, by the {orbit['wind_source']}"
+                f"Wind at the end of orbit {number}: {orbit['wind_speed_m_s']:.1f} m/s{origin}, "
+                f"by the {orbit['wind_source']}"
             )
+
+
+def _settled(orbit: dict[str, Any]) -> bool:
+    """Whether an orbit was flown for the settling time; True where no state was found."""
+    if orbit["end_mass_radius_m"] is None:
+        return True
+    settling = orbit["settling_time_s"]
+    return settling is not None and orbit["end_s"] - orbit["start_s"] >= settling
+
+
+def _orbits(numbers: list[int]) -> str:
+    return f"orbit{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 
 def _number(value: float | None, width: int, decimals: int) -> str:
