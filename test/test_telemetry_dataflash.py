@@ -5,10 +5,12 @@ import struct
 from datetime import datetime, timedelta, timezone
 from math import inf, isnan, nan
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pymavlink.DFReader import FORMAT_TO_STRUCT
+from pymavlink.DFReader import FORMAT_TO_STRUCT, DFReader_binary
+from test_telemetry_source import flight_log
 
 from ctcbs_ros.telemetry.dataflash import DataflashDecoder
 from ctcbs_ros.telemetry.link import Vehicle
@@ -32,6 +34,15 @@ LAYOUTS = {
         136, "QBcccccfffHBIHb", "TimeUS,C,SV,SP,SH,SM,SVT,errRP,OFN,OFE,FS,TS,SS,GPS,PI",
     ),
     "IMU": (137, "Qf", "TimeUS,AccX"),
+    "ATT": (
+        138, "QccccCCCCB", "TimeUS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw,ErrRP,ErrYaw,AEKF",
+    ),
+    "AHR2": (139, "QccCfLLffff", "TimeUS,Roll,Pitch,Yaw,Alt,Lat,Lng,Q1,Q2,Q3,Q4"),
+    "ARSP": (
+        140, "QBffcffBBffB",
+        "TimeUS,I,Airspeed,DiffPress,Temp,RawPress,Offset,U,H,Hp,TR,Pri",
+    ),
+    "BARO": (141, "QBffcfIffB", "TimeUS,I,Alt,Press,Temp,CRt,SMS,Offset,GndTemp,Health"),
 }  # fmt: skip
 # GPS time counts from 1980-01-06 without leap seconds, of which there were 18 in 2023.
 WEEK, WEEK_MS = 2261, 394_343_600
@@ -151,6 +162,101 @@ def test_wind_of_an_estimator_not_in_use_is_left_out():
     parts = [message("PARM", Name=b"AHRS_EKF_TYPE", Value=2.0), message("XKF2", VWN=1.0)]
     _, decoder = decode(*parts)
     assert decoder.wind is None
+
+
+def test_wind_of_exactly_nought_is_that_of_a_filter_that_has_not_begun():
+    (sample,), decoder = decode(message("XKF2", VWN=0.0, VWE=0.0), gps(1_000_000))
+    assert sample.wind is decoder.wind is None
+
+
+# --- heading, airspeed and air ------------------------------------------------------------------
+
+
+def barometer(time_us, pascal=79_501.0, celsius=2.004, **fields):
+    # U.S. Standard Atmosphere, 1976, Table I: at 2000 m 795.01 hPa, 275.154 K, 1.0066 kg/m^3
+    values = {"Press": pascal, "Temp": celsius, "Health": 1} | fields
+    return message("BARO", TimeUS=time_us, **values)
+
+
+def airspeed(indicated, **fields):
+    return message("ARSP", Airspeed=indicated, **{"U": 1, "H": 1} | fields)
+
+
+def test_heading_is_an_enu_angle_of_the_newest_attitude_told_once():
+    parts = [message("ATT", Yaw=0.0), message("ATT", Yaw=270.0), gps(1), gps(200_000)]
+    samples, _ = decode(*parts)
+    assert samples[0].heading == -180.0
+    assert isnan(samples[1].heading)
+
+
+def test_backup_attitude_tells_the_heading_only_where_there_is_no_other():
+    parts = [message("AHR2", Yaw=90.0), gps(1), message("ATT", Yaw=0.0)]
+    samples, _ = decode(*parts, message("AHR2", Yaw=90.0), gps(200_000))
+    assert [s.heading for s in samples] == [0.0, 90.0]
+
+
+def test_indicated_airspeed_becomes_true_airspeed():
+    # At 5000 m the standard density is 0.73643 kg/m^3, of 1.2250 at sea level (ICAO).
+    (sample,), _ = decode(airspeed(20.0), gps(1_000_000, Alt=5000.0))
+    assert sample.airspeed == pytest.approx(20.0 * (1.2250 / 0.73643) ** 0.5, rel=1e-3)
+    (sample,), _ = decode(airspeed(20.0), barometer(900_000), gps(1_000_000, Alt=5000.0))
+    assert sample.airspeed == pytest.approx(20.0 * (1.2250 / 1.0066) ** 0.5, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "sensor", [{"U": 0}, {"H": 0}, {"I": 1}, {"I": 0, "Pri": 1}, {"Airspeed": 0.0}]
+)
+def test_airspeed_is_told_only_by_the_primary_sensor_in_use_and_healthy(sensor):
+    (sample,), _ = decode(message("ARSP", **{"Airspeed": 20.0, "U": 1, "H": 1} | sensor), gps(1))
+    assert isnan(sample.airspeed)
+
+
+def test_density_is_by_the_gas_law_and_holds_for_thirty_seconds():
+    parts = [barometer(1_000_000), gps(1_200_000), gps(30_900_000), gps(31_100_000)]
+    samples, _ = decode(*parts)
+    assert samples[1].air_density == pytest.approx(1.0066, rel=1e-4)
+    assert [isnan(s.air_density) for s in samples] == [False, False, True]
+
+
+@pytest.mark.parametrize("pascal", [nan, 0.0, 795.01, 200_000.0])
+def test_pressure_that_is_none_gives_no_density(pascal):
+    (sample,), _ = decode(barometer(1, pascal), gps(1))
+    assert isnan(sample.air_density)
+
+
+def test_density_is_that_of_the_primary_barometer_while_it_is_healthy():
+    other = barometer(1, 60_000.0)
+    parts = [barometer(1, I=1), barometer(1, 60_000.0), barometer(1, 60_000.0, I=1, Health=0)]
+    (sample,), _ = decode(message("PARM", Name=b"BARO_PRIMARY", Value=1.0), *parts, gps(1))
+    assert sample.air_density == pytest.approx(1.0066, rel=1e-4)
+    (sample,), _ = decode(other, *parts[:1], gps(1))
+    assert sample.air_density == pytest.approx(60_000 / (287.05287 * 275.154), rel=1e-4)
+
+
+def test_nothing_that_was_told_before_a_reboot_is_told_after_it():
+    told = [barometer(90_000_000), airspeed(20.0), message("ATT", Yaw=0.0)]
+    samples, _ = decode(gps(90_000_000), *told, message("XKF2", VWN=1.0), gps(3_000_000))
+    last = samples[1]
+    assert (last.flight, last.wind) == (1, None)
+    assert all(map(isnan, (last.heading, last.airspeed, last.air_density)))
+
+
+def test_recorded_flight_in_still_air_has_the_simulators_airspeed_and_heading():
+    source = flight_log("plane_sitl_guided_loiter.BIN")
+    reader, told = DFReader_binary(str(source.path)), {"SIM": [], "SIM2": []}
+    while (truth := reader.recv_match(type=list(told))) is not None:
+        value = truth.Yaw if truth.get_type() == "SIM" else truth.As
+        told[truth.get_type()].append((truth.TimeUS / 1e6, value))
+    samples = [s for s in source if s.time > 30.0]  # past the launch
+    time = [s.time for s in samples]
+    yaw, speed = (np.array(told[kind]).T for kind in ("SIM", "SIM2"))
+    # 28 degC by the barometer, in air that the simulator takes for standard: 1.7 % of speed
+    ratio = np.array([s.airspeed for s in samples]) / np.interp(time, *speed)
+    assert np.all(abs(ratio - 1.0) < 0.03)
+    compass = np.interp(time, yaw[0], np.unwrap(yaw[1], period=360.0))
+    turned = 90.0 - compass - np.array([s.heading for s in samples])
+    assert np.all(abs((turned + 180.0) % 360.0 - 180.0) < 1.5)
+    assert np.all(np.hypot(*np.array([s.wind for s in samples]).T[:2])[100:] < 0.2)
 
 
 def test_vehicle_is_named_by_its_parameters_and_firmware():

@@ -8,11 +8,11 @@ import test_telemetry_dataflash as binary
 from pymavlink.DFReader import DFReader_binary, DFReader_text
 from test_telemetry_source import flight_log
 
-from ctcbs_ros.telemetry.dataflash import DataflashDecoder
+from ctcbs_ros.telemetry.dataflash import WANTED, DataflashDecoder
 from ctcbs_ros.telemetry.dataflash_text import LineSplitter
 from ctcbs_ros.telemetry.source import open_log
 
-NAMES = ("GPS", "GPA", "POS", "XKF2", "XKF4", "MSG", "PARM")
+NAMES = tuple(WANTED)
 
 
 def text_of(name, **fields):

@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from math import atan2, degrees, hypot
+from math import atan2, degrees, hypot, radians
 from pathlib import Path
 
 import pytest
@@ -12,12 +12,21 @@ from bags import FIX, ODOM, POSE, TWIST, WIND, fix, odometry, pose, twist, wind,
 from replays import replayed
 from ulog_bytes import UlogWriter, gps
 
+from ctcbs_ros.cli.main import main
 from ctcbs_ros.telemetry.local_frame import LocalFrame
 from ctcbs_ros.telemetry.source import open_log
 
+# U.S. Standard Atmosphere, 1976, Table I: at 500 m.
+PRESSURE, CELSIUS, DENSITY = 95_461.0, 11.75, 1.1673
 DRONE = Path(__file__).parents[1] / "config" / "small_drone.yaml"
 AIR = (4.0, -3.0, 0.0)  # east, north, up: 5 m/s towards the south-east
 FORMATS = ("ulg", "db3", "mcap", "folder", "BIN")
+
+
+def through_the_air(velocity):
+    """True airspeed [m/s] and heading by compass [deg] of a ground velocity, towards ENU."""
+    east, north = velocity[0] - AIR[0], velocity[1] - AIR[1]
+    return hypot(east, north), degrees(atan2(east, north)) % 360.0
 
 
 def ulog_of(samples):
@@ -33,6 +42,13 @@ def ulog_of(samples):
             "eph": s.horizontal_accuracy, "s_variance_m_s": s.speed_accuracy,
             "satellites_used": s.satellites, "time_utc_usec": s.stamp_ns // 1000,
         }  # fmt: skip
+        airspeed, heading = through_the_air(s.velocity)
+        log += writer.log(
+            "vehicle_air_data", timestamp=round(s.time * 1e6), baro_pressure_pa=PRESSURE,
+            ambient_temperature=CELSIUS, temperature_source=1,
+        )  # fmt: skip
+        log += writer.log("vehicle_local_position", heading=radians(heading))
+        log += writer.log("airspeed_validated", true_airspeed_m_s=airspeed, airspeed_source=1)
         log += writer.log("vehicle_gps_position", **gps(round(s.time * 1e6), **values))
     return log
 
@@ -44,6 +60,10 @@ def dataflash_of(samples):
     for s in samples:
         east, north, up = s.velocity
         week, ms = divmod(unix + round((s.time - samples[0].time) * 1000), 604_800_000)
+        airspeed, heading = through_the_air(s.velocity)
+        log += dataflash.barometer(round(s.time * 1e6), PRESSURE, CELSIUS)
+        log += dataflash.message("ATT", Yaw=heading)
+        log += dataflash.airspeed(airspeed * (DENSITY / 1.2250) ** 0.5)
         log += dataflash.message("POS", RelHomeAlt=s.height_above_home)
         log += dataflash.message(
             "GPA", HAcc=s.horizontal_accuracy, SAcc=s.speed_accuracy,
@@ -114,6 +134,30 @@ def test_wind_is_where_the_air_goes_in_every_format(logs, kind):
     source = open_log(logs[1][kind])
     next(iter(source))
     assert source.wind == pytest.approx(AIR)
+
+
+@pytest.fixture(scope="module")
+def windy_log(tmp_path_factory):
+    """MAVLink log of a simulated flight in that wind, which its WIND gives as 5 m/s from 307."""
+    file = tmp_path_factory.mktemp("windy") / "flight.tlog"
+    flight = "--radius 60 --speed 20 --turns 2 --center=47.4,8.5 --wind 5,306.87"
+    assert main(f"simulate --config {DRONE} {flight} -o {file}".split()) == 0
+    return file
+
+
+@pytest.mark.parametrize("kind", ["ulg", "BIN", "tlog"])
+def test_ground_velocity_is_the_airspeed_along_the_heading_plus_the_wind(logs, windy_log, kind):
+    samples = list(open_log(windy_log if kind == "tlog" else logs[1][kind]))
+    wind = next(s.wind for s in samples if s.wind is not None)
+    assert wind == pytest.approx(AIR, abs=1e-3)
+    for s in samples[1:]:
+        east, north = s.velocity[0] - wind[0], s.velocity[1] - wind[1]
+        airspeed = hypot(east, north)
+        if kind != "tlog":  # there it is worked out, and so is not told
+            assert s.airspeed == pytest.approx(airspeed, rel=1e-4)
+            assert s.air_density == pytest.approx(DENSITY, rel=1e-4)
+        off = degrees(atan2(north, east)) - s.heading
+        assert (off + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1.0)
 
 
 @pytest.mark.parametrize("kind", FORMATS)

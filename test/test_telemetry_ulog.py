@@ -189,6 +189,101 @@ def test_wind_is_where_the_air_goes_and_the_newer_topic_wins():
     assert [s.wind for s in samples] == [(4.0, -3.0, 0.0), None]  # told once
 
 
+@pytest.mark.parametrize(("variances", "expected"), [((0.3, 0.7), 0.5**0.5), ((0.0, 0.0), nan)])
+def test_accuracy_of_the_wind_is_from_its_variances(variances, expected):
+    writer = UlogWriter()
+    values = {"variance_north": variances[0], "variance_east": variances[1]}
+    log = writer.start + writer.log("wind", windspeed_north=1.0, windspeed_east=2.0, **values)
+    (sample,), _ = decode(log + writer.log("vehicle_gps_position", **gps(1_000_000)))
+    assert sample.wind_accuracy == pytest.approx(expected, nan_ok=True)
+
+
+def test_heading_is_the_estimators_as_an_enu_angle():
+    writer = UlogWriter()
+    log = writer.start + writer.log("vehicle_gps_position", **gps(800_000))
+    log += writer.log("vehicle_local_position", heading=0.0)
+    log += writer.log("vehicle_local_position", heading=-radians(90.0))
+    log += writer.log("vehicle_gps_position", **gps(1_000_000))
+    samples, _ = decode(log + writer.log("vehicle_gps_position", **gps(1_200_000)))
+    assert samples[1].heading == pytest.approx(-180.0)
+    assert isnan(samples[2].heading)  # told once
+    old = FORMATS["vehicle_local_position"].replace("heading", "yaw")  # up to 1.10
+    writer = UlogWriter(FORMATS | {"vehicle_local_position": old})
+    log = writer.start + writer.log("vehicle_gps_position", **gps(800_000))
+    log += writer.log("vehicle_local_position", yaw=radians(45.0))
+    (_, sample), _ = decode(log + writer.log("vehicle_gps_position", **gps(1_000_000)))
+    assert sample.heading == pytest.approx(45.0)
+
+
+def test_airspeed_is_the_true_one_of_a_sensor():
+    writer = UlogWriter()
+    log = writer.start
+    for i, source in enumerate((1, 3, 0, 4, -1)):
+        values = {"true_airspeed_m_s": 20.0 + i, "airspeed_source": source}
+        log += writer.log("airspeed_validated", **values)
+        log += writer.log("vehicle_gps_position", **gps(1_000_000 + 200_000 * i))
+    samples, _ = decode(log)
+    # 0 is ground speed less wind, 4 a model of the aircraft, -1 none
+    assert [s.airspeed for s in samples] == pytest.approx([20.0, 21.0, nan, nan, nan], nan_ok=True)
+
+
+def test_airspeed_of_older_logs_is_validated_by_the_number_of_the_sensor():
+    fields = "uint64_t timestamp;float true_airspeed_m_s;int8_t selected_airspeed_index;"
+    writer = UlogWriter(FORMATS | {"airspeed_validated": fields})
+    log = writer.start
+    for i, sensor in enumerate((1, 0)):
+        values = {"true_airspeed_m_s": 20.0, "selected_airspeed_index": sensor}
+        log += writer.log("airspeed_validated", **values)
+        log += writer.log("vehicle_gps_position", **gps(1_000_000 + 200_000 * i))
+    samples, _ = decode(log)
+    assert [isnan(s.airspeed) for s in samples] == [False, True]
+
+
+def test_sensors_own_airspeed_counts_until_it_is_validated():
+    writer = UlogWriter()
+    sensor = writer.log("airspeed", true_airspeed_m_s=20.0)
+    log = writer.start + sensor + writer.log("vehicle_gps_position", **gps(1_000_000))
+    log += writer.log("airspeed_validated", true_airspeed_m_s=nan, airspeed_source=-1) + sensor
+    samples, _ = decode(log + writer.log("vehicle_gps_position", **gps(1_200_000)))
+    assert samples[0].airspeed == 20.0
+    assert isnan(samples[1].airspeed)
+
+
+# U.S. Standard Atmosphere, 1976, Table I: at 2000 m 795.01 hPa, 275.154 K, 1.0066 kg/m^3
+@pytest.mark.parametrize(
+    ("celsius", "source", "expected"),
+    [
+        (2.004, 1, 1.0066),
+        (15.0, 0, 1.0066),  # not measured: 15 degC at any height
+        (15.0, 1, 1.0066 * 275.154 / 288.15),
+        (85.0, 1, 1.0066),  # beyond any weather
+    ],
+)
+def test_density_is_by_the_gas_law(celsius, source, expected):
+    writer = UlogWriter()
+    air = {"baro_pressure_pa": 79_501.0, "ambient_temperature": celsius, "rho": 9.0}
+    log = writer.start + writer.log(
+        "vehicle_air_data", timestamp=900_000, temperature_source=source, **air
+    )
+    for us in (1_000_000, 30_800_000, 31_000_000):
+        log += writer.log("vehicle_gps_position", **gps(us))
+    samples, _ = decode(log)
+    assert [s.air_density for s in samples] == pytest.approx(
+        [expected, expected, nan], rel=1e-4, nan_ok=True
+    )
+
+
+def test_nothing_that_was_told_before_a_reboot_is_told_after_it():
+    writer = UlogWriter()
+    log = writer.start + writer.log("vehicle_gps_position", **gps(90_000_000))
+    log += writer.log("vehicle_air_data", timestamp=90_000_000, baro_pressure_pa=9e4)
+    log += writer.log("airspeed", true_airspeed_m_s=20.0) + writer.log("wind", windspeed_east=2.0)
+    log += writer.log("vehicle_local_position", timestamp=90_000_000, heading=1.0)
+    last = decode(log + writer.log("vehicle_gps_position", **gps(3_000_000)))[0][-1]
+    assert (last.flight, last.wind) == (1, None)
+    assert all(map(isnan, (last.heading, last.airspeed, last.air_density)))
+
+
 def test_vehicle_is_named_by_information_and_parameters():
     log, _ = gps_log(1, UlogWriter(system=7))
     assert decode(log)[1].vehicle == Vehicle(7, 1, "PX4")

@@ -5,8 +5,8 @@ import struct
 MAGIC = b"ULog\x01\x12\x35\x01"
 SYNC = bytes.fromhex("2f731320250cbb12")
 CODES = {
-    "int8_t": "b", "uint8_t": "B", "int32_t": "i", "uint64_t": "Q", "float": "f", "double": "d",
-    "bool": "?",
+    "int8_t": "b", "uint8_t": "B", "int32_t": "i", "uint32_t": "I", "uint64_t": "Q", "float": "f",
+    "double": "d", "bool": "?",
 }  # fmt: skip
 
 # Fields as PX4's message files have them: 1.14 and later in double degrees, before in integers.
@@ -33,11 +33,27 @@ FORMATS = {
     "vehicle_local_position": (
         "uint64_t timestamp;double ref_lat;double ref_lon;float x;float y;float z;"
         "float[2] delta_xy;float vx;float vy;float vz;float ref_alt;float eph;float evh;"
-        "bool xy_valid;bool z_valid;bool v_xy_valid;bool xy_global;bool z_global;"
+        "bool xy_valid;bool z_valid;bool v_xy_valid;bool xy_global;bool z_global;float heading;"
     ),
     "home_position": "uint64_t timestamp;double lat;double lon;float alt;bool valid_alt;",
-    "wind": "uint64_t timestamp;float windspeed_north;float windspeed_east;",
+    "wind": (
+        "uint64_t timestamp;float windspeed_north;float windspeed_east;float variance_north;"
+        "float variance_east;"
+    ),
     "wind_estimate": "uint64_t timestamp;float windspeed_north;float windspeed_east;",
+    "vehicle_air_data": (
+        "uint64_t timestamp;uint64_t timestamp_sample;uint32_t baro_device_id;"
+        "float baro_alt_meter;float baro_pressure_pa;float ambient_temperature;"
+        "uint8_t temperature_source;float rho;uint8_t calibration_count;uint8_t[3] _padding0;"
+    ),
+    "airspeed": (
+        "uint64_t timestamp;uint64_t timestamp_sample;float indicated_airspeed_m_s;"
+        "float true_airspeed_m_s;float confidence;"
+    ),
+    "airspeed_validated": (
+        "uint64_t timestamp;float indicated_airspeed_m_s;float calibrated_airspeed_m_s;"
+        "float true_airspeed_m_s;int8_t airspeed_source;"
+    ),
     "cpuload": "uint64_t timestamp;float load;float[3] per_core;",
 }
 

@@ -5,8 +5,8 @@ pymavlink applies; the stream is cut into messages here, so that a log of any si
 comes.
 
 Positions are those of the one receiver in use (GPS); the height above home is that of the
-autopilot's one published position (POS). Of the estimator cores that log side by side, only the
-primary one's wind is taken.
+autopilot's one published position (POS). Of estimator cores, barometers and airspeed sensors
+only the primary one is listened to, and of the sensors only while it is healthy.
 """
 
 import struct
@@ -15,7 +15,9 @@ from math import cos, isfinite, nan, radians, sin
 
 from pymavlink.DFReader import FORMAT_TO_STRUCT, DFFormat, DFMessage
 
+from ctcbs_ros.telemetry.between_samples import BetweenSamples
 from ctcbs_ros.telemetry.clock import VehicleClock
+from ctcbs_ros.telemetry.conventions import density_of_pressure, enu_angle, wind_of_ned
 from ctcbs_ros.telemetry.evidence import RANGE_ERROR
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.sample import Sample, Vector
@@ -33,6 +35,10 @@ WANTED = {
     "POS": {"RelHomeAlt"},
     "PARM": {"Name", "Value"},
     "MSG": {"Message"},
+    "ATT": {"Yaw"},
+    "AHR2": {"Yaw"},
+    "ARSP": {"Airspeed", "U"},
+    "BARO": {"TimeUS", "Press", "Temp"},
     "XKF2": {"VWN", "VWE"},
     "XKF4": {"PI"},
     "NKF2": {"VWN", "VWE"},
@@ -121,8 +127,6 @@ class DataflashDecoder:
     ----------
     vehicle : Vehicle or None
         System id (SYSID_THISMAV) and firmware ("ArduPlane"), once read.
-    wind : tuple of 3 floats or None
-        Newest wind of the primary estimator core: velocity towards east, north, up [m/s].
     """
 
     def __init__(
@@ -133,12 +137,13 @@ class DataflashDecoder:
     ):
         self.link = LinkStatistics()
         self.vehicle = vehicle
-        self.wind: Vector | None = None
-        self._new_wind: Vector | None = None  # since the sample before
+        self._between = BetweenSamples()
         self._clock = VehicleClock(time_steps=self.link.time_steps, unix_anchor=unix_anchor)
         self._system = 1
         self._estimator = "XKF"
         self._primary_core = 0
+        self._primary_barometer = 0
+        self._has_attitude = False
         self._height_above_home = nan
         self._accuracy: dict[int, DFMessage] = {}  # newest by receiver
         self._handlers = {
@@ -147,12 +152,21 @@ class DataflashDecoder:
             "POS": self._position,
             "PARM": self._parameter,
             "MSG": self._text,
+            "ATT": self._attitude,
+            "AHR2": self._backup_attitude,
+            "ARSP": self._airspeed,
+            "BARO": self._barometer,
             "XKF2": self._wind,
             "NKF2": self._wind,
             "XKF4": self._estimator_status,
             "NKF4": self._estimator_status,
         }
         self._messages = (splitter or DataflashSplitter)(self.link)
+
+    @property
+    def wind(self) -> Vector | None:
+        """Newest wind of the primary estimator core, towards east, north, up [m/s]."""
+        return self._between.wind
 
     @property
     def unix_anchor(self) -> tuple[int, int] | None:
@@ -174,6 +188,7 @@ class DataflashDecoder:
         if not getattr(gps, "U", receiver == 0):
             return None
         time_us = self._clock.advance(gps.TimeUS)
+        self._between.keep_to(self._clock.flight)
         if getattr(gps, "GWk", 0) > 0:
             unix_us = (GPS_EPOCH_UNIX + gps.GWk * WEEK - LEAP_SECONDS) * 10**6 + gps.GMS * 1000
             self._clock.set_unix(time_us, unix_us)
@@ -182,7 +197,6 @@ class DataflashDecoder:
         by_dilution = getattr(gps, "HDop", nan) * RANGE_ERROR
         # ArduPilot's sign: AMSL less ellipsoidal height; 0 is not known.
         undulation = getattr(accuracy, "Und", 0.0)
-        wind, self._new_wind = self._new_wind, None
         return Sample(
             time=time_us / 1e6,
             stamp_ns=self._clock.stamp_ns(time_us),
@@ -197,7 +211,7 @@ class DataflashDecoder:
             satellites=getattr(gps, "NSats", None),
             horizontal_accuracy=getattr(accuracy, "HAcc", 0.0) or by_dilution,
             speed_accuracy=getattr(accuracy, "SAcc", 0.0) or nan,
-            wind=wind,
+            **self._between.tell(gps.TimeUS, gps.Alt),
         )
 
     def _gps_accuracy(self, accuracy: DFMessage) -> None:
@@ -211,6 +225,8 @@ class DataflashDecoder:
             self._system = int(parameter.Value)
         elif parameter.Name == "AHRS_EKF_TYPE":
             self._estimator = "NKF" if parameter.Value == 2 else "XKF"
+        elif parameter.Name in ("BARO_PRIMARY", "GND_PRIMARY"):
+            self._primary_barometer = parameter.Value
 
     def _text(self, text: DFMessage) -> None:
         if self.vehicle is None and text.Message.startswith("Ardu"):
@@ -224,8 +240,33 @@ class DataflashDecoder:
         primary = getattr(wind, "C", 0) == self._primary_core
         if not primary or not wind.get_type().startswith(self._estimator):
             return
-        if isfinite(wind.VWN) and isfinite(wind.VWE):
-            self.wind = self._new_wind = (wind.VWE, wind.VWN, 0.0)
+        # VWN, VWE: where the air moves to. Exactly 0 is that of a filter that has not begun.
+        if wind.VWN or wind.VWE:
+            self._between.hear_wind(wind_of_ned(wind.VWN, wind.VWE))
+
+    def _attitude(self, attitude: DFMessage) -> None:
+        self._has_attitude = True
+        self._between.hear_heading(enu_angle(attitude.Yaw))
+
+    def _backup_attitude(self, attitude: DFMessage) -> None:
+        if not self._has_attitude:
+            self._between.hear_heading(enu_angle(attitude.Yaw))
+
+    def _airspeed(self, sensor: DFMessage) -> None:
+        primary = getattr(sensor, "I", 0) == getattr(sensor, "Pri", 0)
+        if primary and sensor.U and _is_healthy(sensor):
+            self._between.hear_indicated_airspeed(sensor.Airspeed)
+
+    def _barometer(self, sensor: DFMessage) -> None:
+        primary = getattr(sensor, "I", self._primary_barometer) == self._primary_barometer
+        if primary and _is_healthy(sensor):
+            density = density_of_pressure(sensor.Press, sensor.Temp)
+            self._between.hear_density(density, sensor.TimeUS)
+
+
+def _is_healthy(sensor: DFMessage) -> bool:
+    """Whether a sensor is, as far as it says; the field changed its name."""
+    return bool(getattr(sensor, "H", getattr(sensor, "Health", True)))
 
 
 def _velocity(gps: DFMessage) -> Vector | None:

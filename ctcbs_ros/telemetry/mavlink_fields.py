@@ -1,33 +1,25 @@
 """Fields of MAVLink messages in SI units and ENU; nan or None where a message says "not known".
 
-docs/telemetry.md has the table of what each message is used for. Here and nowhere else NED
-becomes ENU, compass angles become ENU angles, and scaled integers numbers with a unit.
+docs/telemetry.md has the table of what each message is used for. Here MAVLink's scaled integers
+become numbers with a unit; what logs have in common with them is in `conventions.py`.
 """
 
-from math import cos, isfinite, nan, pi, radians, sin, sqrt
+from math import cos, isfinite, nan, pi, radians, sin
 
 from pymavlink.dialects.v20 import all as dialect
 
-from ctcbs_ros.atmosphere import GAS_CONSTANT, standard_temperature_at_pressure
+from ctcbs_ros.telemetry import conventions
+from ctcbs_ros.telemetry.conventions import enu_angle
 from ctcbs_ros.telemetry.sample import Vector
 
 UNKNOWN_8, UNKNOWN_16 = 0xFF, 0xFFFF
 UNKNOWN_32 = 0x7FFFFFFF  # of signed fields
 AIRSPEED_SENSOR = dialect.MAV_SYS_STATUS_SENSOR_DIFFERENTIAL_PRESSURE
-ZERO_CELSIUS = 273.15  # K
-# A barometer's own warmth can be told from the air's only where it is beyond any weather.
-WEATHER = 40.0  # K
-PRESSURES = (30.0, 1100.0)  # hPa; the first is 23 km up
 
 
 def scaled(value: int, scale: float) -> float:
     """A signed 32-bit field in units of 1/`scale`; nan where it is 0x7FFFFFFF, "not known"."""
     return nan if value == UNKNOWN_32 else value / scale
-
-
-def enu_angle(compass: float) -> float:
-    """ENU angle [deg], -180 to 180, of a compass direction [deg]; nan for what is none."""
-    return (90.0 - compass + 180.0) % 360.0 - 180.0 if isfinite(compass) else nan
 
 
 def heading_of_position(message) -> float:
@@ -59,10 +51,7 @@ def wind_of_wind(message) -> Vector | None:
 
 def wind_of_wind_cov(message) -> Vector | None:
     """The wind of WIND_COV, a NED velocity of the air, as ENU [m/s]."""
-    north, east, down = message.wind_x, message.wind_y, message.wind_z
-    if not (isfinite(north) and isfinite(east)):
-        return None
-    return east, north, -down if isfinite(down) else 0.0
+    return conventions.wind_of_ned(message.wind_x, message.wind_y, message.wind_z)
 
 
 def wind_accuracy(message) -> float:
@@ -70,7 +59,7 @@ def wind_accuracy(message) -> float:
     if 0.0 < message.horiz_accuracy < 100.0:
         return message.horiz_accuracy
     # PX4 leaves that field 0 and sends the sum of both variances.
-    return sqrt(message.var_horiz / 2) if 0.0 < message.var_horiz < 1e4 else nan
+    return conventions.wind_deviation(message.var_horiz)
 
 
 def wind_of_high_latency(message) -> Vector | None:
@@ -96,20 +85,8 @@ def _wind_from(direction: float, speed: float, speed_down: float) -> Vector | No
 
 
 def density_of_pressure(message) -> float:
-    """Density of the air [kg/m^3] by SCALED_PRESSURE; nan where it is none.
-
-    The temperature is the barometer's own, which its case warms by some kelvin (each 3 K are 1 %
-    of density); where it is more than 40 K from the standard atmosphere's at that pressure, that
-    one is taken.
-    """
-    pressure = message.press_abs
-    if not PRESSURES[0] <= pressure <= PRESSURES[1]:
-        return nan
-    standard = standard_temperature_at_pressure(pressure * 100)
-    temperature = message.temperature / 100 + ZERO_CELSIUS
-    if abs(temperature - standard) > WEATHER:
-        temperature = standard
-    return pressure * 100 / (GAS_CONSTANT * temperature)
+    """Density of the air [kg/m^3] by SCALED_PRESSURE; nan where it is none."""
+    return conventions.density_of_pressure(message.press_abs * 100, message.temperature / 100)
 
 
 def has_airspeed_sensor(message) -> bool:

@@ -8,6 +8,7 @@ geometry_msgs/TwistWithCovarianceStamped for the wind.
 from math import hypot, isfinite, nan, sqrt
 from typing import Any
 
+from ctcbs_ros.telemetry.between_samples import BetweenSamples
 from ctcbs_ros.telemetry.clock import VehicleClock
 from ctcbs_ros.telemetry.evidence import FIX_3D, NO_FIX
 from ctcbs_ros.telemetry.sample import Sample, Vector
@@ -43,21 +44,22 @@ class TopicSamples:
     ----------
     best : int
         Of the kinds of position heard.
-    wind : tuple of 3 floats or None
-        Newest wind: velocity of the air towards east, north, up [m/s].
     """
 
     def __init__(self, clock: VehicleClock | None = None, best: int = POSE):
         self.best = best
-        self.wind: Vector | None = None
-        self._new_wind: Vector | None = None  # since the sample before
-        self._wind_accuracy = nan
+        self._between = BetweenSamples()
         self._clock = clock or VehicleClock()
         self._frames = 0
         self._has_odometry = False  # with a velocity
         self._velocity: Vector | None = None
         self._velocity_ns = 0
         self._speed_accuracy = nan
+
+    @property
+    def wind(self) -> Vector | None:
+        """Newest wind, towards east, north, up [m/s]."""
+        return self._between.wind
 
     def fix(self, message: Any, receive_us: int | None = None) -> Sample:
         """The sample of a fix; its altitude is above the ellipsoid, as the message defines it.
@@ -131,8 +133,8 @@ class TopicSamples:
         """Take in the wind of mavros: where the air moves to, towards east, north, up."""
         v = message.twist.twist.linear
         if isfinite(v.x) and isfinite(v.y):
-            self.wind = self._new_wind = (v.x, v.y, v.z if isfinite(v.z) else 0.0)
-            self._wind_accuracy = _deviation(message.twist.covariance, (0, 7))
+            wind = v.x, v.y, v.z if isfinite(v.z) else 0.0
+            self._between.hear_wind(wind, _deviation(message.twist.covariance, (0, 7)))
 
     def _velocity_at(self, stamp_ns: int) -> tuple[Vector | None, float]:
         """Velocity and its accuracy, if they are of that time."""
@@ -149,13 +151,11 @@ class TopicSamples:
 
     def _sample(self, stamp_ns: int, receive_us: int | None, **fields) -> Sample:
         time_us = self._clock.advance(stamp_ns // 1000, receive_us)
-        wind, self._new_wind = self._new_wind, None
         return Sample(
             time=time_us / 1e6,
             stamp_ns=stamp_ns,
             flight=self._clock.flight + self._frames,
-            wind=wind,
-            wind_accuracy=nan if wind is None else self._wind_accuracy,
+            **self._between.tell(time_us),
             **fields,
         )
 

@@ -2,13 +2,21 @@
 
 Positions are those of the receiver in use (vehicle_gps_position, else one sensor_gps at a time)
 with its own word on its fix; only a log without a receiver gives the estimator's
-(vehicle_global_position, else vehicle_local_position).
+(vehicle_global_position, else vehicle_local_position). The heading is the estimator's, the
+airspeed that of the sensor the autopilot has chosen.
 """
 
 from collections.abc import Iterator
 from math import asin, atan2, cos, degrees, hypot, isfinite, nan, radians, sin
 
+from ctcbs_ros.telemetry.between_samples import BetweenSamples
 from ctcbs_ros.telemetry.clock import VehicleClock
+from ctcbs_ros.telemetry.conventions import (
+    density_of_pressure,
+    enu_angle,
+    wind_deviation,
+    wind_of_ned,
+)
 from ctcbs_ros.telemetry.evidence import FIX_3D, NO_FIX
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.sample import Sample, Vector
@@ -24,6 +32,8 @@ EXTRAPOLATED = 8  # PX4's own fix type: dead reckoning, where MAVLink numbers PP
 RECEIVER_SILENT_US = 2_000_000
 # A velocity belongs to a position when their times are no farther apart than this [us].
 SAME_TIME_US = 100_000
+AIRSPEED_SENSORS = (1, 2, 3)  # in airspeed_source; the others are worked out
+NOT_MEASURED = 0  # of temperature_source: 15 degC at any height
 EARTH_RADIUS = 6_371_000.0  # m, of the sphere on which PX4 projects its local frame
 
 
@@ -44,8 +54,6 @@ class UlogDecoder:
     ----------
     vehicle : Vehicle or None
         System id (MAV_SYS_ID) and the system's name ("PX4"), once read.
-    wind : tuple of 3 floats or None
-        Newest wind of the estimator: velocity of the air towards east, north, up [m/s].
     position_topic : str or None
         As the parameter; None as long as none has had a fix.
     """
@@ -57,11 +65,11 @@ class UlogDecoder:
         position_topic: str | None = None,
     ):
         self.link = LinkStatistics()
-        self.wind: Vector | None = None
-        self._new_wind: Vector | None = None  # since the sample before
+        self._between = BetweenSamples()
         self.position_topic = position_topic
         self._vehicle = vehicle
         self._clock = VehicleClock(time_steps=self.link.time_steps, unix_anchor=unix_anchor)
+        self._boot_us = 0  # of the newest position
         self._topic = position_topic  # the one in use; also before it has a fix
         self._is_local: bool | None = None
         self._frames = 0  # changes between geodetic and local positions
@@ -72,6 +80,7 @@ class UlogDecoder:
         self._velocity_us = 0
         self._speed_accuracy = nan
         self._wind_topic = "wind_estimate"
+        self._airspeed_topic = "airspeed"
         self._handlers = {
             "vehicle_gps_position": self._gps,
             "sensor_gps": self._gps,
@@ -80,6 +89,9 @@ class UlogDecoder:
             "home_position": self._home,
             "wind": self._wind,
             "wind_estimate": self._wind,
+            "vehicle_air_data": self._air_data,
+            "airspeed": self._airspeed,
+            "airspeed_validated": self._airspeed,
         }
         self._messages = UlogSplitter(self.link, self._handlers)
 
@@ -90,6 +102,11 @@ class UlogDecoder:
         if self._vehicle is None and "sys_name" in facts:
             return Vehicle(facts.get("MAV_SYS_ID", 1), AUTOPILOT, facts["sys_name"])
         return self._vehicle
+
+    @property
+    def wind(self) -> Vector | None:
+        """Newest wind of the estimator, towards east, north, up [m/s]."""
+        return self._between.wind
 
     @property
     def unix_anchor(self) -> tuple[int, int] | None:
@@ -124,7 +141,7 @@ class UlogDecoder:
         if values.get("vel_ned_valid"):
             velocity = _enu(values, "vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
 
-        time_us = self._clock.advance(values["timestamp"])
+        time_us = self._advance(values["timestamp"])
         unix_us = values.get("time_utc_usec", 0)
         if unix_us > 0:
             relative_us = values.get("timestamp_time_relative", 0)
@@ -149,7 +166,7 @@ class UlogDecoder:
         is_valid = values.get("lat_lon_valid", True) and not values.get("dead_reckoning", False)
         if message.instance or not self._is_used(message, is_valid):
             return None
-        time_us = self._clock.advance(values["timestamp"])
+        time_us = self._advance(values["timestamp"])
         velocity, speed_accuracy = _enu(values, "vel_n", "vel_e", "vel_d"), nan
         if velocity is None and abs(values["timestamp"] - self._velocity_us) <= SAME_TIME_US:
             velocity, speed_accuracy = self._velocity, self._speed_accuracy
@@ -176,10 +193,14 @@ class UlogDecoder:
             self._velocity = _enu(values, "vx", "vy", "vz")
         self._velocity_us = values["timestamp"]
         self._speed_accuracy = values.get("evh", nan) or nan
+        # It was called yaw up to PX4 1.10.
+        self._between.hear_heading(
+            enu_angle(degrees(values.get("heading", values.get("yaw", nan))))
+        )
         is_valid = values.get("xy_valid", True) and values.get("z_valid", True)
         if not self._is_used(message, is_valid):
             return None
-        time_us = self._clock.advance(values["timestamp"])
+        time_us = self._advance(values["timestamp"])
         north, east, down = (values.get(name, nan) for name in "xyz")
         if values.get("xy_global") and values.get("z_global"):
             reference = values.get("ref_lat", nan), values.get("ref_lon", nan)
@@ -210,10 +231,31 @@ class UlogDecoder:
         # `wind` took the place of `wind_estimate`; instances but the first are of single sensors.
         if message.topic == "wind":
             self._wind_topic = "wind"
-        north, east = (message.values.get(f"windspeed_{to}", nan) for to in ("north", "east"))
-        used = message.topic == self._wind_topic and message.instance == 0
-        if used and isfinite(north) and isfinite(east):
-            self.wind = self._new_wind = (east, north, 0.0)
+        if message.topic != self._wind_topic or message.instance:
+            return
+        values = message.values
+        wind = wind_of_ned(values.get("windspeed_north", nan), values.get("windspeed_east", nan))
+        variances = values.get("variance_north", nan) + values.get("variance_east", nan)
+        self._between.hear_wind(wind, wind_deviation(variances))
+
+    def _air_data(self, message: Data) -> None:
+        values = message.values
+        celsius = values.get("ambient_temperature", values.get("baro_temp_celcius", nan))
+        if values.get("temperature_source") == NOT_MEASURED:
+            celsius = nan
+        density = density_of_pressure(values.get("baro_pressure_pa", nan), celsius)
+        self._between.hear_density(density, values["timestamp"])
+
+    def _airspeed(self, message: Data) -> None:
+        # Validated airspeeds took the place of the sensors' own.
+        if message.topic == "airspeed_validated":
+            self._airspeed_topic = "airspeed_validated"
+        if message.topic != self._airspeed_topic or message.instance:
+            return
+        values = message.values
+        source = values.get("airspeed_source", values.get("selected_airspeed_index", 1))
+        if source in AIRSPEED_SENSORS:
+            self._between.hear_true_airspeed(values.get("true_airspeed_m_s", nan))
 
     def _is_receiver_used(self, message: Data, has_fix: bool) -> bool:
         """Whether it is of the one receiver followed; another takes over from a lost one."""
@@ -241,17 +283,22 @@ class UlogDecoder:
             self.position_topic = topic
         return used
 
+    def _advance(self, boot_us: int) -> int:
+        self._boot_us = boot_us
+        time_us = self._clock.advance(boot_us)
+        self._between.keep_to(self._clock.flight)
+        return time_us
+
     def _sample(self, time_us: int, **fields) -> Sample:
         is_local = "local_position" in fields
         if self._is_local not in (None, is_local):
             self._frames += 1  # another frame: another flight
         self._is_local = is_local
-        wind, self._new_wind = self._new_wind, None
         return Sample(
             time=time_us / 1e6,
             stamp_ns=self._clock.stamp_ns(time_us),
             flight=self._clock.flight + self._frames,
-            wind=wind,
+            **self._between.tell(self._boot_us, fields.get("altitude_amsl", nan)),
             **fields,
         )
 

@@ -6,13 +6,14 @@ clock, which every message with a time since boot moves on.
 """
 
 from enum import IntEnum
-from math import isfinite, nan, sqrt
+from math import nan
 
 from pymavlink.dialects.v20 import all as dialect
 
-from ctcbs_ros.atmosphere import SEA_LEVEL_DENSITY, standard_atmosphere_density
 from ctcbs_ros.telemetry import mavlink_fields as fields
+from ctcbs_ros.telemetry.between_samples import BetweenSamples
 from ctcbs_ros.telemetry.clock import VehicleClock, is_unix
+from ctcbs_ros.telemetry.conventions import enu_angle
 from ctcbs_ros.telemetry.evidence import NO_FIX, Evidence, better
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.sample import Sample, Vector
@@ -24,7 +25,6 @@ RAW_WITHOUT_ESTIMATE = 10
 # Of LOCAL_POSITION_NED alone until it is taken; at the slowest rates others come every second.
 LOCAL_ALONE_US = 5_000_000
 CLIMB_VALID_US = 2_000_000
-DENSITY_VALID_US = 30_000_000
 
 
 class Positions(IntEnum):
@@ -48,12 +48,6 @@ class VehicleDecoder:
     system, component, vehicle
         Whom to follow, see `VehicleChoice`.
     link : LinkStatistics, optional
-
-    Attributes
-    ----------
-    wind : tuple of 3 floats or None
-        Newest wind of the autopilot (WIND, WIND_COV, HIGH_LATENCY2): the velocity of the air
-        towards east, north, up [m/s].
     """
 
     def __init__(
@@ -63,7 +57,6 @@ class VehicleDecoder:
         vehicle: Vehicle | None = None,
         link: LinkStatistics | None = None,
     ):
-        self.wind: Vector | None = None
         self.link = link or LinkStatistics()
         self._choice = VehicleChoice(system, component, vehicle)
         self._clock = VehicleClock(BOOT_WRAP_US, self.link.time_steps)
@@ -74,6 +67,7 @@ class VehicleDecoder:
         self._positions: Positions | None = None
         self._raw_without_estimate = 0
         self._local_since_us: int | None = None
+        self._between = BetweenSamples()
         self._forget()
         self._handlers = {
             "GLOBAL_POSITION_INT": self._global_position,
@@ -94,6 +88,14 @@ class VehicleDecoder:
     def vehicle(self) -> Vehicle | None:
         """The vehicle followed."""
         return self._choice.vehicle
+
+    @property
+    def wind(self) -> Vector | None:
+        """Newest wind of the autopilot (WIND, WIND_COV, HIGH_LATENCY2).
+
+        Velocity of the air towards east, north, up [m/s].
+        """
+        return self._between.wind
 
     def decode(self, message, receive_us: int | None = None) -> Sample | None:
         """Take in one message of the link.
@@ -148,14 +150,7 @@ class VehicleDecoder:
         self._receivers: dict[str, Evidence] = {}
         self._airspeed_is_measured = False
         self._climb, self._climb_us = nan, 0
-        self._density, self._density_us = nan, 0
-        self._tell_anew()
-
-    def _tell_anew(self) -> None:
-        """Forget what is told once, with the next sample."""
-        self._heading = self._indicated_airspeed = nan
-        self._new_wind: Vector | None = None
-        self._wind_accuracy = nan
+        self._between.forget()
 
     def _is_newer_than(self, time_us: int, valid_us: int) -> bool:
         return self._time_us is not None and self._time_us - time_us <= valid_us
@@ -181,9 +176,7 @@ class VehicleDecoder:
         self._raw_without_estimate = -1
         self._uses(Positions.GLOBAL_POSITION_INT)
         self._advance_boot(message.time_boot_ms, receive_us)
-        heading = fields.heading_of_position(message)
-        if isfinite(heading):
-            self._heading = heading
+        self._between.hear_heading(fields.heading_of_position(message))
         return self._geodetic(
             message,
             receive_us,
@@ -236,11 +229,11 @@ class VehicleDecoder:
         )
 
     def _high_latency(self, message, receive_us: int | None) -> Sample | None:
-        self._hear_wind(fields.wind_of_high_latency(message))
+        self._between.hear_wind(fields.wind_of_high_latency(message))
         if not self._uses(Positions.HIGH_LATENCY2):
             return None
         self._advance_boot(message.timestamp, receive_us)
-        self._heading = fields.enu_angle(message.heading * 2.0)
+        self._between.hear_heading(enu_angle(message.heading * 2.0))
         no_fix = message.failure_flags & dialect.HL_FAILURE_FLAG_GPS
         return self._sample(
             receive_us,
@@ -273,62 +266,39 @@ class VehicleDecoder:
     def _sample(self, receive_us: int | None, altitude_amsl: float, **others) -> Sample:
         """The sample with what other messages have told."""
         time_us = self._time_us
-        density = nan
-        if self._is_newer_than(self._density_us, DENSITY_VALID_US):
-            density = self._density
-        sample = Sample(
+        return Sample(
             time=time_us / 1e6,
             stamp_ns=self._clock.stamp_ns(time_us, receive_us),
             flight=self._clock.flight + self._changes,
             altitude_amsl=altitude_amsl,
-            airspeed=self._true_airspeed(density, altitude_amsl),
-            heading=self._heading,
-            wind=self._new_wind,
-            wind_accuracy=self._wind_accuracy,
-            air_density=density,
+            **self._between.tell(time_us, altitude_amsl),
             **others,
         )
-        self._tell_anew()
-        return sample
-
-    def _true_airspeed(self, density: float, altitude_amsl: float) -> float:
-        """The indicated airspeed [m/s] as the true one."""
-        if not isfinite(density):
-            density = standard_atmosphere_density(altitude_amsl)
-        return self._indicated_airspeed * sqrt(SEA_LEVEL_DENSITY / density)
 
     # --- what goes with them --------------------------------------------------------------------
 
     def _attitude(self, message, receive_us: int | None) -> None:
         self._advance_boot(message.time_boot_ms, receive_us)
-        heading = fields.heading_of_attitude(message)
-        if isfinite(heading):
-            self._heading = heading
+        self._between.hear_heading(fields.heading_of_attitude(message))
 
     def _sys_status(self, message, receive_us: int | None) -> None:
         self._airspeed_is_measured = fields.has_airspeed_sensor(message)
 
     def _vfr_hud(self, message, receive_us: int | None) -> None:
         self._climb, self._climb_us = message.climb, self._time_us or 0
-        if self._airspeed_is_measured and message.airspeed > 0.0:
-            self._indicated_airspeed = message.airspeed
+        if self._airspeed_is_measured:
+            self._between.hear_indicated_airspeed(message.airspeed)
 
     def _scaled_pressure(self, message, receive_us: int | None) -> None:
         self._advance_boot(message.time_boot_ms, receive_us)
-        density = fields.density_of_pressure(message)
-        if isfinite(density):
-            self._density, self._density_us = density, self._time_us
+        self._between.hear_density(fields.density_of_pressure(message), self._time_us)
 
     def _wind(self, message, receive_us: int | None) -> None:
-        self._hear_wind(fields.wind_of_wind(message))
+        self._between.hear_wind(fields.wind_of_wind(message))
 
     def _wind_cov(self, message, receive_us: int | None) -> None:
-        self._hear_wind(fields.wind_of_wind_cov(message), fields.wind_accuracy(message))
-
-    def _hear_wind(self, wind: Vector | None, accuracy: float = nan) -> None:
-        if wind is not None:
-            self.wind = self._new_wind = wind
-            self._wind_accuracy = accuracy
+        wind = fields.wind_of_wind_cov(message)
+        self._between.hear_wind(wind, fields.wind_accuracy(message))
 
 
 def _source(message) -> tuple[int, int]:
