@@ -3,7 +3,7 @@
 import argparse
 import sys
 from dataclasses import asdict
-from math import degrees, isfinite
+from math import degrees, isfinite, nan
 
 from ctcbs_ros.cli.output import print_json
 from ctcbs_ros.errors import InputError
@@ -88,6 +88,11 @@ def refuse_flight(args) -> None:
 
 def flight_from(args):
     """`FlightPoint` from --config, --radius, --speed; an InputError names what is missing."""
+    return configured_flight(args)[1]
+
+
+def configured_flight(args):
+    """`Configuration` and `FlightPoint`; an InputError names what is missing."""
     from ctcbs_ros.configuration import load_configuration
     from ctcbs_ros.scaling import flight_point
 
@@ -108,23 +113,28 @@ def flight_from(args):
     density = configuration.air.density_at(altitude)
     if not isfinite(density):
         raise InputError(f"--altitude: {altitude:g} m is outside the standard atmosphere's range")
-    return flight_point(configuration, args.radius, args.speed, density, args.cable_length)
+    point = flight_point(configuration, args.radius, args.speed, density, args.cable_length)
+    return configuration, point
 
 
 def run(args) -> int:
     """Solve, and print as JSON or as a table."""
+    from ctcbs_ros.cli.steady_limits import point_warnings, state_warnings
+    from ctcbs_ros.prediction.record import warning_record
     from ctcbs_ros.solver.stability import stability
     from ctcbs_ros.solver.steady_state import steady_states
 
     if args.band is not None and not 0.0 < args.band < float("inf"):
         raise InputError(f"--band: {args.band:g} is not allowed, it must be above 0 and finite")
-    flight = None
+    configuration = flight = None
     if args.config is not None:
-        flight = flight_from(args)
+        configuration, flight = configured_flight(args)
         parameters = flight.parameters
+        outside = [warning_record(w) for w in point_warnings(configuration, flight)]
     else:
         refuse_flight(args)
         parameters = parameters_from(args)
+    altitude = nan if args.altitude is None else args.altitude
     found = steady_states(parameters)
     solutions = []
     for state in found.states:
@@ -147,6 +157,8 @@ def run(args) -> int:
         }
         if flight is not None:
             solution["si"] = flight.state_si(state, damping)
+            told = state_warnings(configuration, flight, state, damping, altitude)
+            solution["warnings"] = [warning_record(warning) for warning in told]
         solutions.append(solution)
     if args.json:
         result = {"parameters": asdict(parameters), "solutions": solutions}
@@ -159,11 +171,14 @@ def run(args) -> int:
                 "end_mass_kg": flight.end_mass,
                 "air_density_kg_m3": flight.density,
             }
+            result["warnings"] = outside
         if found.reason:
             result["reason"] = found.reason
         print_json(result)
     else:
         _print_table(solutions, flight, found.reason)
+        if flight is not None:
+            _print_warnings(outside, solutions, configuration, altitude)
     if found.reason:
         print(f"ctcbs: note: {found.reason}", file=sys.stderr)
     return 0
@@ -198,3 +213,18 @@ def _print_table(solutions, flight, reason) -> None:
         cells = [f"{value:.5g}" for value in row] + ["yes" if solution["stable"] else "NO"]
         print("  ".join(cell.rjust(width) for cell, width in zip(cells, widths, strict=True)))
     print("margin: decay rate of the least damped mode, -growth_rate; negative is unstable")
+
+
+def _print_warnings(outside, solutions, configuration, altitude) -> None:
+    """Where the envelope is left and a limit broken; or that none is."""
+    told = [(warning, "") for warning in outside]
+    for solution in solutions:
+        radius = solution["si"]["end_mass_radius_m"]
+        where = f" (the state at {radius:.5g} m)" if len(solutions) > 1 else ""
+        told += [(warning, where) for warning in solution["warnings"]]
+    for warning, where in told:
+        print(f"{warning['code']}: {warning['text']}{where}")
+    if not told and solutions:
+        print(f"within envelope and limits of {configuration.source}")
+    if solutions and not isfinite(altitude - configuration.limits.ground_level_amsl):
+        print("height above the ground not judged: it takes --altitude and ground.level_amsl")

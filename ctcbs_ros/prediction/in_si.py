@@ -53,8 +53,8 @@ def end_mass_in_si(
         If the cable cannot be integrated.
     """
     state = state_in_si(point, tracked.state, outlook.stability)
-    in_angular_rate = _jump_in_si(outlook.in_angular_rate, point.angular_rate, point)
-    in_radius = _jump_in_si(outlook.in_radius, point.radius, point)
+    in_angular_rate = jump_in_si(outlook.in_angular_rate, point.angular_rate, point)
+    in_radius = jump_in_si(outlook.in_radius, point.radius, point)
     distance = pose.fold_distance(orbit, in_angular_rate, in_radius)
     landed = _landed(point, tracked, in_angular_rate or in_radius)
     return EndMass(
@@ -76,7 +76,7 @@ def end_mass_in_si(
             for other, stability in zip(tracked.others, outlook.of_others, strict=True)
         ),
         jump_in_angular_rate=in_angular_rate,
-        jump_in_speed=_jump_in_si(outlook.in_angular_rate, point.speed, point),
+        jump_in_speed=jump_in_si(outlook.in_angular_rate, point.speed, point),
         jump_in_radius=in_radius,
         method=tracked.method,
     )
@@ -113,7 +113,7 @@ def _landed(point: FlightPoint, tracked: Tracked, jump: Jump | None) -> SteadySt
     return min(tracked.others, key=lambda state: abs(state.end_mass_radius / wanted - 1.0))
 
 
-def _jump_in_si(jump: Jump | None, unit: float, point: FlightPoint) -> Jump | None:
+def jump_in_si(jump: Jump | None, unit: float, point: FlightPoint) -> Jump | None:
     """A jump relative to the present flight, its quantity in the unit of the present one."""
     if jump is None:
         return None

@@ -212,7 +212,9 @@ class Predictor:
         self, sample, local: LocalSample, orbit: Orbit, time_on_orbit: float, warnings
     ) -> Prediction:
         density = self._air_density(local, sample.air_density)
-        warnings += envelope_warnings(orbit, self._configuration.envelope)
+        warnings += envelope_warnings(
+            orbit.radius, orbit.speed, self._configuration.envelope
+        )
         self._wind.shown(self._wind_of_turn.estimate(orbit))
         warnings += wind_warnings(self._wind.at(orbit.time), orbit)
         try:

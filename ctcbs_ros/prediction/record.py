@@ -10,6 +10,7 @@ import numpy as np
 
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.wind import Wind
+from ctcbs_ros.prediction.codes import Warning
 from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump, Prediction
 
 Record = dict[str, Any]
@@ -33,11 +34,13 @@ def prediction_record(prediction: Prediction) -> Record:
         record |= wind_fields(prediction.wind)
     if prediction.end_mass is not None:
         record |= end_mass_fields(prediction.end_mass)
-    record["warnings"] = [
-        {"code": warning.code.value, "level": warning.level.value, "text": warning.text}
-        for warning in prediction.warnings
-    ]
+    record["warnings"] = [warning_record(warning) for warning in prediction.warnings]
     return record
+
+
+def warning_record(warning: Warning) -> Record:
+    """One warning."""
+    return {"code": warning.code.value, "level": warning.level.value, "text": warning.text}
 
 
 def sample_fields(prediction: Prediction) -> Record:

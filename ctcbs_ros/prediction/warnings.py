@@ -7,7 +7,7 @@ from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.wind import Wind, WindSource
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
-from ctcbs_ros.prediction.prediction import EndMass, EndMassState
+from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump
 from ctcbs_ros.prediction.wind_choice import described
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
@@ -65,12 +65,12 @@ def not_orbiting(reason: str) -> Warning:
     return _warn(WarningCode.NOT_ORBITING, reason)
 
 
-def envelope_warnings(orbit: Orbit, envelope: Envelope) -> list[Warning]:
-    """OUTSIDE_ENVELOPE for each quantity that is outside what was planned."""
+def envelope_warnings(radius: float, speed: float, envelope: Envelope) -> list[Warning]:
+    """OUTSIDE_ENVELOPE for each of tow radius [m] and speed [m/s] outside what was planned."""
     found = []
     for name, value, (low, high), unit in (
-        ("tow radius", orbit.radius, envelope.radius, "m"),
-        ("speed", orbit.speed, envelope.speed, "m/s"),
+        ("tow radius", radius, envelope.radius, "m"),
+        ("speed", speed, envelope.speed, "m/s"),
     ):
         if not low <= value <= high:
             found.append(
@@ -120,65 +120,80 @@ def tracking_warnings(tracked: Tracked, tow_radius: float) -> list[Warning]:
 def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) -> list[Warning]:
     """All that is to be said of the end mass itself, from MULTIPLE_SOLUTIONS on."""
     found = []
-    state = end_mass.state
     if end_mass.others:
         found.append(_warn(WarningCode.MULTIPLE_SOLUTIONS, _states_told(end_mass)))
+    found += stability_warnings(end_mass.state, end_mass.nearest_loss, limits)
+    found += jump_warnings(
+        end_mass.jump_in_speed, end_mass.jump_in_radius, limits, end_mass.fold_distance
+    )
+    found += tension_warnings(end_mass.state, cable, limits)
+    return found + ground_warnings(end_mass.height_above_home, limits)
+
+
+def stability_warnings(
+    state: EndMassState, nearest_loss: str, limits: WarningLimits
+) -> list[Warning]:
+    """UNSTABLE, or else LOW_MARGIN."""
     if not state.stable:
-        found.append(
-            _error(
-                WarningCode.UNSTABLE,
-                f"{end_mass.nearest_loss}: disturbances grow at {-state.margin_per_s:.3g} 1/s",
-            )
+        text = f"{nearest_loss}: disturbances grow at {-state.margin_per_s:.3g} 1/s"
+        return [_error(WarningCode.UNSTABLE, text)]
+    if state.margin_per_s < limits.low_margin_per_s:
+        text = (
+            f"disturbances decay at only {state.margin_per_s:.3g} 1/s "
+            f"(limit {limits.low_margin_per_s:g} 1/s); nearest loss: {nearest_loss}"
         )
-    elif state.margin_per_s < limits.low_margin_per_s:
-        found.append(
-            _warn(
-                WarningCode.LOW_MARGIN,
-                f"disturbances decay at only {state.margin_per_s:.3g} 1/s "
-                f"(limit {limits.low_margin_per_s:g} 1/s); nearest loss: {end_mass.nearest_loss}",
-            )
-        )
+        return [_warn(WarningCode.LOW_MARGIN, text)]
+    return []
+
+
+def jump_warnings(
+    in_speed: Jump | None, in_radius: Jump | None, limits: WarningLimits,
+    fold_distance: float = inf,
+) -> list[Warning]:
+    """NEAR_JUMP, of the nearer of two jumps; the distance is in the orbit's deviations."""
     # Both are ways of changing the angular rate: by speed at this radius, by radius at this speed.
     jumps = [
         (abs(jump.relative), text.format(jump.at, jump.relative), jump.landing_radius)
         for jump, text in (
-            (end_mass.jump_in_speed, "a speed of {:.1f} m/s ({:+.1%})"),
-            (end_mass.jump_in_radius, "a tow radius of {:.1f} m ({:+.1%})"),
+            (in_speed, "a speed of {:.1f} m/s ({:+.1%})"),
+            (in_radius, "a tow radius of {:.1f} m ({:+.1%})"),
         )
         if jump is not None
     ]
     distance, where, landing = min(jumps, default=(inf, "", nan))
-    if distance < limits.near_jump or (jumps and end_mass.fold_distance < _SURELY_BEFORE):
-        onto = f"to a radius of {landing:.0f} m" if isfinite(landing) else "to no stable state"
-        text = f"jump at {where} {onto}"
-        if end_mass.fold_distance < _SURELY_BEFORE:
-            text += (
-                f"; only {end_mass.fold_distance:.1f} standard deviations of the orbit away, it "
-                "may have happened"
-            )
-        found.append(_warn(WarningCode.NEAR_JUMP, text))
-    limit = limits.tension_fraction * cable.breaking_tension
-    if state.greatest_tension > limit:
-        breaking = f"the breaking tension {cable.breaking_tension:g} N"
-        if state.greatest_tension <= cable.breaking_tension:
-            breaking = f"{limits.tension_fraction:.0%} of {breaking}"
-        found.append(
-            _error(
-                WarningCode.TENSION_LIMIT,
-                f"tension {state.greatest_tension:.1f} N is above {breaking}",
-            )
+    if not (distance < limits.near_jump or (jumps and fold_distance < _SURELY_BEFORE)):
+        return []
+    onto = f"to a radius of {landing:.0f} m" if isfinite(landing) else "to no stable state"
+    text = f"jump at {where} {onto}"
+    if fold_distance < _SURELY_BEFORE:
+        text += (
+            f"; only {fold_distance:.1f} standard deviations of the orbit away, it may have "
+            "happened"
         )
-    height = end_mass.height_above_home
-    if height < limits.minimum_height:
-        ground = "home" if not isfinite(limits.ground_level_amsl) else "the ground"
-        found.append(
-            _error(
-                WarningCode.GROUND_PROXIMITY,
-                f"end mass {abs(height):.0f} m {'above' if height >= 0.0 else 'BELOW'} {ground} "
-                f"(limit {limits.minimum_height:g} m above)",
-            )
-        )
-    return found
+    return [_warn(WarningCode.NEAR_JUMP, text)]
+
+
+def tension_warnings(state: EndMassState, cable: Cable, limits: WarningLimits) -> list[Warning]:
+    """TENSION_LIMIT."""
+    if state.greatest_tension <= limits.tension_fraction * cable.breaking_tension:
+        return []
+    breaking = f"the breaking tension {cable.breaking_tension:g} N"
+    if state.greatest_tension <= cable.breaking_tension:
+        breaking = f"{limits.tension_fraction:.0%} of {breaking}"
+    text = f"tension {state.greatest_tension:.1f} N is above {breaking}"
+    return [_error(WarningCode.TENSION_LIMIT, text)]
+
+
+def ground_warnings(height: float, limits: WarningLimits) -> list[Warning]:
+    """GROUND_PROXIMITY, by the height above home or the set ground [m]; none where it is nan."""
+    if not height < limits.minimum_height:
+        return []
+    ground = "home" if not isfinite(limits.ground_level_amsl) else "the ground"
+    text = (
+        f"end mass {abs(height):.0f} m {'above' if height >= 0.0 else 'BELOW'} {ground} "
+        f"(limit {limits.minimum_height:g} m above)"
+    )
+    return [_error(WarningCode.GROUND_PROXIMITY, text)]
 
 
 def _states_told(end_mass: EndMass) -> str:
