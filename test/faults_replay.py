@@ -110,16 +110,6 @@ def distance(prediction: Prediction, clean: Prediction) -> float:
     return float(np.sqrt(error @ np.linalg.solve(covariance, error) / REGION))
 
 
-def gauss_markov(time, sigma, decay, random) -> np.ndarray:
-    """First-order Gauss-Markov error of three axes, (n, 3), correlated over `decay` [s]."""
-    error = np.zeros((len(time), 3))
-    error[0] = random.normal(0.0, sigma, 3)
-    kept = np.exp(-np.diff(time) / decay)
-    for i, share in enumerate(kept):
-        error[i + 1] = share * error[i] + random.normal(0.0, sigma * np.sqrt(1 - share**2), 3)
-    return error
-
-
 def assert_numbers(prediction):
     """A valid prediction is a number in all that is not documented to be unknown."""
     if not prediction.valid:

@@ -55,7 +55,7 @@ def test_other_tracks_are_no_orbit_but_where_they_are_half_a_circle(shape):
 
 def test_simulated_correlated_noise_has_its_deviation_and_correlation_time():
     rng = np.random.default_rng(0)
-    noise = correlated_noise(np.arange(0.0, 40_000.0, 1.0), 2.0, 45.0, rng)
+    noise = correlated_noise(np.arange(0.0, 40_000.0, 1.0), 2.0, 45.0, rng, 3)
     assert noise.std() == pytest.approx(2.0, rel=0.05)
     lagged = np.mean(noise[45:] * noise[:-45]) / noise.var()
     assert lagged == pytest.approx(np.exp(-1.0), abs=0.06)

@@ -379,3 +379,18 @@ def test_wind_is_known_within_three_quarters_of_a_turn(wind):
     turn = 2.0 * pi * 80.0 / 20.0
     assert known[0][0] - on_circle[0] < 0.75 * turn
     assert {there_is for _, there_is in known} == {wind > 0.0}
+
+
+def test_receivers_velocity_sigma_holds_for_the_wind_too_where_the_source_states_none():
+    flight = orbiting(turns=1.2, wind=(3.0, -4.0))
+    samples = [
+        replace(s, speed_accuracy=nan, heading=float(np.degrees(angle)))
+        for s, angle in zip(samples_of(flight), flight.heading, strict=True)
+    ]
+    sigmas = []
+    for sigma in (0.4, 2.0):
+        receiver = replace(DRONE.receiver, velocity_sigma=sigma)
+        found = valid(predict(samples, replace(DRONE, receiver=receiver)))[-1]
+        assert found.wind.velocity == pytest.approx([3.0, -4.0], abs=0.3)
+        sigmas.append(found.wind.sigma)
+    assert sigmas[1] > 1.02 * sigmas[0]

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from faults_replay import gauss_markov
 
+from ctcbs_ros.orbit.tracks import correlated_noise
 from ctcbs_ros.simulated_flight import simulate_flight
 from ctcbs_ros.telemetry.continuity import Continuity, Track
 from ctcbs_ros.telemetry.sample import Sample
@@ -38,7 +38,7 @@ def test_noise_hardly_ever_strays_and_never_breaks_the_track(
         flight = simulate_flight(radius, airspeed, 3, rate=rate, wind=(4.0, 3.0))
         shape = flight.position.shape
         position = flight.position + random.normal(0.0, white, shape)
-        position += gauss_markov(flight.time, correlated, 45.0, random)
+        position += correlated_noise(flight.time, correlated, 45.0, random, 3)
         velocity = flight.velocity + random.normal(0.0, speed, shape)
         found += verdicts(flight, position, velocity, random.random(shape[0]) >= loss)
     assert Track.BREAKS not in found

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 
 from ctcbs_ros.cli.output import print_json
-from ctcbs_ros.cli.study_options import add_study_options
+from ctcbs_ros.cli.study_options import add_study_options, verdict
 
 # Flights that one worker flies at a time.
 _CHUNK = 50
@@ -122,5 +122,4 @@ def _text(study, accuracies, turns, shapes, comparisons, missed) -> str:
             f"{c.lost:6d}"
             for name, c in found.items()
         ]
-    lines += ["", *(f"MISSED: {bar}" for bar in missed)] if missed else ["", "All bars hold."]
-    return "\n".join(lines)
+    return "\n".join([*lines, "", *verdict(missed)])

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 
 from ctcbs_ros.cli.output import print_json
-from ctcbs_ros.cli.study_options import add_study_options
+from ctcbs_ros.cli.study_options import add_study_options, verdict
 
 
 def add_parser(subparsers) -> None:
@@ -78,5 +78,4 @@ def _text(study, spreads, flown, missed) -> str:
         f"{name:28}{f.error:11.2f}{f.stated:12.2f}{100.0 * f.covered:11.1f} %{f.lost:6d}"
         for name, f in flown.items()
     ]
-    lines += ["", *(f"MISSED: {bar}" for bar in missed)] if missed else ["", "All bars hold."]
-    return "\n".join(lines)
+    return "\n".join([*lines, "", *verdict(missed)])

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 
 from ctcbs_ros.cli.output import print_json
-from ctcbs_ros.cli.study_options import add_study_options
+from ctcbs_ros.cli.study_options import add_study_options, verdict
 
 
 def add_parser(subparsers) -> None:
@@ -48,5 +48,4 @@ def _text(study, found, missed, runs) -> str:
             f"{name:38}{100.0 * a.error:7.2f}{100.0 * a.stated:8.2f}{100.0 * a.covered:11.1f} %"
             f"{100.0 * a.airspeed_error:10.2f}{a.unknown:9d}"
         )
-    lines += ["", *(f"MISSED: {bar}" for bar in missed)] if missed else ["", "All bars hold."]
-    return "\n".join(lines)
+    return "\n".join([*lines, "", *verdict(missed)])

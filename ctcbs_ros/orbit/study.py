@@ -6,8 +6,8 @@ Figures are of the orbit after three quarters of a turn, unless a case says othe
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import chi2
 
+from ctcbs_ros.orbit.coverage import in_region, missed_coverage
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.study_cases import NOISES, SEEDS, SHAPES, STANDING, Noise, flight_of
 from ctcbs_ros.orbit.tracks import (
@@ -70,15 +70,13 @@ def errors(noise: Noise, runs: range, seed: int = SEEDS["accuracy"]) -> list:
         error = np.array([*(orbit.center[:2] - center), orbit.radius - a, *(orbit.drift - drift)])
         which = np.array([0, 1, 3, 7, 8] if np.any(orbit.drift) else [0, 1, 3])
         covariance = orbit.covariance
-        part = error[: len(which)]
-        distance = part @ np.linalg.solve(covariance[np.ix_(which, which)], part)
         out = flight.true_position[-1, :2] - center
         phase = (orbit.phase - np.arctan2(out[1], out[0]) + np.pi) % TURN - np.pi
         off = orbit.angular_rate - rate
         inside = [
-            distance < chi2.ppf(0.95, len(which)),
-            np.nan if np.isnan(rate) else off**2 < chi2.ppf(0.95, 1) * covariance[4, 4],
-            phase**2 < chi2.ppf(0.95, 1) * covariance[5, 5],
+            in_region(error[: len(which)], covariance[np.ix_(which, which)]),
+            np.nan if np.isnan(rate) else in_region(np.array([off]), covariance[4:5, 4:5]),
+            in_region(np.array([phase]), covariance[5:6, 5:6]),
         ]
         found.append((error[2] / a, error[:2], error[3:], inside))
     return found
@@ -175,7 +173,7 @@ def taken_for_orbits(shape: str, runs: int, seed: int = SEEDS["taken_for_orbits"
         flight = fly(SHAPES[shape](a), speed, rng, course=rng.uniform(0.0, TURN))
         if shape in STANDING:
             flight.position[:, :2] = flight.true_position[0, :2]
-            flight.position[:] += correlated_noise(flight.time, 2.0, 45.0, rng)
+            flight.position[:] += correlated_noise(flight.time, 2.0, 45.0, rng, 3)
             flight.position[:, :2] += 1.5 * rng.standard_normal((len(flight.time), 2))
             flight.velocity[:] = STANDING[shape] * rng.standard_normal((len(flight.time), 3))
         orbits = estimate(OrbitEstimator(), flight, sigma=(1.5, 0.3))
@@ -207,11 +205,8 @@ def missed_bars(accuracies: dict, turns: Turns, shapes: dict) -> list[str]:
             missed.append(f"{name}: radius error {found.radius:.2%}")
         if found.center > bar.most_center:
             missed.append(f"{name}: centre error {found.center:.2f} m")
-        # Fewer runs than 1000 scatter more: three standard deviations of what that adds.
-        extra = 3.0 * np.sqrt(0.05 * 0.95 * max(1.0 / found.runs - 1e-3, 0.0))
         for what, share in found.covered.items():
-            if not bar.coverage[0] - extra <= share <= bar.coverage[1] + extra:
-                missed.append(f"{name}: {what} inside the 95 % region in {share:.1%}")
+            missed += missed_coverage(f"{name}: {what}", share, found.runs, bar.coverage)
     if not turns.first[1] <= 0.5:
         missed.append(f"first orbit after {turns.first[1]:.2f} turns")
     if not turns.left[2] <= 0.25:

@@ -164,7 +164,9 @@ def flight_of(noise: Noise, run: int, seed: int):
         wind=tuple(noise.wind * blown), course=course,
     )
     if noise.correlated:
-        flight.position[:] += correlated_noise(flight.time, noise.correlated, noise.time, rng)
+        flight.position[:] += correlated_noise(
+            flight.time, noise.correlated, noise.time, rng, 3
+        )
     drift = noise.drift * blown
     shift = np.outer(flight.time, drift)
     flight.position[:, :2] += shift

@@ -173,8 +173,8 @@ def fly(
     )
 
 
-def correlated_noise(time, sigma, correlation_time, rng):
-    """First-order Gauss-Markov error of three axes at given times, (n, 3).
+def correlated_noise(time, sigma, correlation_time, rng, axes):
+    """First-order Gauss-Markov error at given times, (n, axes).
 
     Parameters
     ----------
@@ -185,8 +185,9 @@ def correlated_noise(time, sigma, correlation_time, rng):
     correlation_time : float
         Time in which the correlation falls to 1/e [s].
     rng : numpy.random.Generator
+    axes : int
     """
-    noise = sigma * rng.standard_normal((len(time), 3))
+    noise = sigma * rng.standard_normal((len(time), axes))
     kept = np.exp(-np.diff(time) / correlation_time)
     for i, share in enumerate(kept, start=1):
         noise[i] = share * noise[i - 1] + np.sqrt(1.0 - share**2) * noise[i]

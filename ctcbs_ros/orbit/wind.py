@@ -15,6 +15,7 @@ import numpy as np
 
 from ctcbs_ros.kernels.wind import refine_wind, wind_covariance
 from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.orbit.settings import OrbitSettings
 
 _TURN = 2.0 * pi
 # Huber's constant: 95 % efficiency for normal errors (Huber and Ronchetti, Robust Statistics), and
@@ -120,7 +121,7 @@ class WindSettings:
         White error of one axis of the velocity where the source states none [m/s].
     least_velocity_sigma : float
         Smallest one believed [m/s].
-    correlated_sigma, noise_time : float
+    correlated_sigma, correlation_time : float
         Of a first-order Gauss-Markov error of the velocity beside it, one axis [m/s], [s].
     airspeed_wander : float
         Standard deviation of a variation of the airspeed once a turn, over the airspeed, where it
@@ -134,10 +135,10 @@ class WindSettings:
     """
 
     least_arc: float = 0.4 * _TURN
-    velocity_sigma: float = 0.4
-    least_velocity_sigma: float = 0.05
+    velocity_sigma: float = OrbitSettings.velocity_sigma
+    least_velocity_sigma: float = OrbitSettings.least_velocity_sigma
     correlated_sigma: float = 0.0
-    noise_time: float = 45.0
+    correlation_time: float = 45.0
     airspeed_wander: float = 0.02
     airspeed_trend: float = 0.1
     sensor_sigma: float = 0.5
@@ -388,8 +389,8 @@ def _fit(
     clock = time - time[0]
     lasting = _EXCESS_TURN * turn
     wind_covariance(
-        clock, unit, gain, white, s.correlated_sigma**2, s.noise_time, 0.0, lasting, trend_sigma,
-        inverse, covariance,
+        clock, unit, gain, white, s.correlated_sigma**2, s.correlation_time, 0.0, lasting,
+        trend_sigma, inverse, covariance,
     )
     nought, by_excess = np.zeros(n), np.empty((4, 4))
     wind_covariance(

@@ -8,14 +8,16 @@ from dataclasses import dataclass
 from math import pi, sqrt
 
 import numpy as np
-from scipy.stats import chi2
 
+from ctcbs_ros.orbit.coverage import in_region, missed_coverage
+from ctcbs_ros.orbit.tracks import correlated_noise
 from ctcbs_ros.orbit.wind import WindSettings, wind_of_turn
 
 SEED = 6  # turn k is seeded with (SEED, k)
 _TURN = 2.0 * pi
 _RATE = 5.0  # Hz
 _GUST_TURN = 0.1
+_NOISE_TIME = 10.0  # s
 _LEAST_BAR = (0.93, 0.97)
 _WIDE_BAR = (0.90, 0.99)
 
@@ -61,8 +63,9 @@ class Conditions:
     def settings(self) -> WindSettings:
         """Settings of an estimator that knows of these errors."""
         return WindSettings(
-            airspeed_wander=self.wander, correlated_sigma=self.correlated, noise_time=10.0
-        )
+            airspeed_wander=self.wander, correlated_sigma=self.correlated,
+            correlation_time=_NOISE_TIME,
+        )  # fmt: skip
 
 
 CASES = {
@@ -131,9 +134,9 @@ def turn_rows(conditions: Conditions, rng) -> tuple[np.ndarray, float, np.ndarra
     if not c.ground_speed_held:
         once = c.wander * rng.standard_normal(2)
         length = length * (1.0 + unit @ once)
-        length *= 1.0 + _markov(time, c.gusts, _GUST_TURN * turn, rng, 1)[:, 0]
+        length *= 1.0 + correlated_noise(time, c.gusts, _GUST_TURN * turn, rng, 1)[:, 0]
     velocity = wind + length[:, None] * unit
-    velocity = velocity + _markov(time, c.correlated, 10.0, rng, 2)
+    velocity = velocity + correlated_noise(time, c.correlated, _NOISE_TIME, rng, 2)
     velocity += c.noise * rng.standard_normal(velocity.shape)
     rows = np.full((len(time), 6), np.nan)
     rows[:, 0], rows[:, 1:3] = time, velocity
@@ -163,8 +166,7 @@ def wind_accuracy(conditions: Conditions, runs: int, seed: int = SEED) -> WindAc
         if found is None:
             continue
         error = found.velocity - wind
-        distance = error @ np.linalg.solve(found.covariance, error)
-        inside.append(distance < chi2.ppf(0.95, 2))
+        inside.append(in_region(error, found.covariance))
         errors.append(error / airspeed)
         stated.append(sqrt(0.5 * np.trace(found.covariance)) / airspeed)
         of_airspeed.append(found.airspeed / airspeed - 1.0)
@@ -178,20 +180,10 @@ def wind_accuracy(conditions: Conditions, runs: int, seed: int = SEED) -> WindAc
 
 def missed_wind_bars(found: dict[str, WindAccuracy]) -> list[str]:
     """What is worse than it should be, a sentence for each."""
-    missed = []
-    for name, accuracy in found.items():
-        low, high = CASES[name].coverage
-        # Fewer runs than 1000 scatter more: three standard deviations of what that adds.
-        extra = 3.0 * sqrt(0.05 * 0.95 * max(1.0 / accuracy.runs - 1e-3, 0.0))
-        if not low - extra <= accuracy.covered <= high + extra:
-            missed.append(f"{name}: inside the 95 % region in {accuracy.covered:.1%}")
-    return missed
-
-
-def _markov(time, sigma: float, correlation_time: float, rng, axes: int) -> np.ndarray:
-    """First-order Gauss-Markov noise at given times, (n, axes)."""
-    noise = sigma * rng.standard_normal((len(time), axes))
-    kept = np.exp(-np.diff(time) / correlation_time)
-    for i, share in enumerate(kept, start=1):
-        noise[i] = share * noise[i - 1] + np.sqrt(1.0 - share**2) * noise[i]
-    return noise
+    return [
+        sentence
+        for name, accuracy in found.items()
+        for sentence in missed_coverage(
+            f"{name}:", accuracy.covered, accuracy.runs, CASES[name].coverage
+        )
+    ]

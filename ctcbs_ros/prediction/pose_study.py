@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from math import cos, erfc, inf, pi, sin, sqrt
 
 import numpy as np
-from scipy.stats import chi2
 
 from ctcbs_ros.configuration import Configuration, configuration_from_mapping, load_configuration
 from ctcbs_ros.geodesy import Datum, to_geodetic
+from ctcbs_ros.orbit.coverage import in_region, missed_coverage
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.prediction import pose
 from ctcbs_ros.prediction.branch import Tracked, follow
@@ -151,12 +151,11 @@ def spread(case: Case, runs: int, seed: int = SEEDS["drawn"]) -> Spread:
         yaw = pose.motion_yaw(drawn, there) - end_mass.yaw
         row[3] = (yaw + pi) % _TURN - pi
     stated = end_mass.covariance[np.ix_(_KNOWN, _KNOWN)]
-    distance = np.einsum("ij,ij->i", off[:, :3], np.linalg.solve(stated[:3, :3], off[:, :3].T).T)
     return Spread(
         runs, end_mass.fold_distance, jumped / runs,
         0.5 * erfc(end_mass.fold_distance / sqrt(2.0)),
         np.sqrt(np.diag(stated)).tolist(), np.sqrt(np.mean(off**2, axis=0)).tolist(),
-        float(np.mean(distance < chi2.ppf(0.95, 3))),
+        float(np.mean([in_region(row[:3], stated[:3, :3]) for row in off])),
     )  # fmt: skip
 
 
@@ -209,7 +208,7 @@ def flown(place: str, sense: int, runs: int, seed: int = SEEDS["flown"]) -> Flow
         truth = _true_position(configuration, flight, last, radius, speed, sense, found)
         off = found.end_mass.position - _local(predictor, place, truth)
         covariance = found.end_mass.covariance[:3, :3]
-        inside.append(off @ np.linalg.solve(covariance, off) < chi2.ppf(0.95, 3))
+        inside.append(in_region(off, covariance))
         errors.append(off[:2])
         stated.append(sqrt(0.5 * np.trace(covariance[:2, :2])))
     if not errors:
@@ -270,11 +269,12 @@ def missed_pose_bars(spreads: dict[str, Spread], flights: dict[str, Flown]) -> l
             low = 0.0  # a few draws beyond the fold make most of the spread, or are missing
         if ratios[:3].min() < low or ratios[:3].max() > high:
             missed.append(f"{name}: drawn over stated deviation {ratios[:3].round(2).tolist()}")
-        missed += _outside(name, found.covered, found.runs, (0.88, 1.0) if near else (0.93, 0.97))
+        bar = (0.88, 1.0) if near else (0.93, 0.97)
+        missed += missed_coverage(f"{name}:", found.covered, found.runs, bar)
     for name, found in flights.items():
         if found.lost > max(_MOST_LOST * found.runs, 1.0):
             missed.append(f"{name}: no prediction in {found.lost} of {found.runs} flights")
-        missed += _outside(name, found.covered, found.runs, (0.92, 0.99))
+        missed += missed_coverage(f"{name}:", found.covered, found.runs, (0.92, 0.99))
     return missed
 
 
@@ -282,13 +282,6 @@ _FEW_JUMPS = 10.0
 _MOST_LOST = 0.03
 # Distance to a fold below which the covariance is a rough one.
 _ROUGH = 4.0
-
-
-def _outside(name: str, covered: float, runs: int, bar: tuple[float, float]) -> list[str]:
-    extra = 3.0 * sqrt(0.05 * 0.95 * max(1.0 / runs - 1e-3, 0.0))
-    if bar[0] - extra <= covered <= bar[1] + extra:
-        return []
-    return [f"{name}: inside the 95 % region in {covered:.1%}"]
 
 
 def _air(configuration: Configuration) -> float:

@@ -15,7 +15,7 @@ from ctcbs_ros.geodesy import Datum, point_to_geodetic, to_geodetic
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.settings import OrbitSettings
-from ctcbs_ros.orbit.wind import WindEstimator
+from ctcbs_ros.orbit.wind import WindEstimator, WindSettings
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Warning
 from ctcbs_ros.prediction.history import History
@@ -70,7 +70,9 @@ class Predictor:
         self._frame = LocalFrame()
         self._continuity = Continuity()
         self._estimator = OrbitEstimator(OrbitSettings(**asdict(configuration.receiver)))
-        self._wind_of_turn = WindEstimator()
+        self._wind_of_turn = WindEstimator(
+            WindSettings(velocity_sigma=configuration.receiver.velocity_sigma)
+        )
         self._wind = WindChoice(user_wind(configuration.wind))
         self._history = History()
         self._orbiting = False

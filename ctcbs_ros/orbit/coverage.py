@@ -1,0 +1,26 @@
+"""Whether true values lie in the 95 % regions stated of them, for the studies of estimates."""
+
+from math import sqrt
+
+import numpy as np
+from scipy.stats import chi2
+
+LEVEL = 0.95
+# The bars are meant for this many runs; fewer scatter more.
+RUNS = 1000
+
+
+def in_region(error: np.ndarray, covariance: np.ndarray) -> bool:
+    """Whether an error (n,) lies in the 95 % region of its covariance (n, n)."""
+    return bool(error @ np.linalg.solve(covariance, error) < chi2.ppf(LEVEL, len(error)))
+
+
+def missed_coverage(what: str, share: float, runs: int, bar: tuple[float, float]) -> list[str]:
+    """A sentence where a share inside the region misses its bar (least, most); none if it holds.
+
+    Of fewer runs than 1000, three standard deviations of what that adds are allowed for.
+    """
+    extra = 3.0 * sqrt(LEVEL * (1.0 - LEVEL) * max(1.0 / runs - 1.0 / RUNS, 0.0))
+    if bar[0] - extra <= share <= bar[1] + extra:
+        return []
+    return [f"{what} inside the 95 % region in {share:.1%}"]
