@@ -1,7 +1,7 @@
 """Other ways to find a circle, for comparison with the estimator's on the same samples.
 
 Each is given the samples of the circle alone, from its entry on: what a window has to find out for
-itself. None of them is used in flight.
+itself. Each returns centre and radius [m], (3,), or None. None of them is used in flight.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from ctcbs_ros.orbit.circle_fit import algebraic_circle
 
 
 def taubin(time, points, velocities, position_sigma, velocity_sigma):
-    """Algebraic fit to the positions: centre (2,) and radius [m], or None."""
+    """Algebraic fit to the positions."""
     return algebraic_circle(points)
 
 
@@ -30,8 +30,7 @@ def soft_l1(time, points, velocities, position_sigma, velocity_sigma):
         sigma = np.hypot(velocity_sigma, swept / distance * position_sigma)
         return np.concatenate([(distance - circle[2]) / position_sigma, along / sigma])
 
-    found = least_squares(residuals, [*start[0], start[1]], loss="soft_l1", x_scale=100.0)
-    return found.x[:2], float(found.x[2])
+    return least_squares(residuals, start, loss="soft_l1", x_scale=100.0).x
 
 
 def kalman_filter(time, points, velocities, position_sigma, velocity_sigma):
@@ -43,11 +42,11 @@ def kalman_filter(time, points, velocities, position_sigma, velocity_sigma):
     start = algebraic_circle(points[:first])
     if start is None:
         return None
-    center, radius = start
-    offset = points[first - 1] - center
+    radius = start[2]
+    offset = points[first - 1] - start[:2]
     speed = float(np.median(np.hypot(*velocities[:first].T)))
     sense = np.sign(offset[0] * velocities[first - 1, 1] - offset[1] * velocities[first - 1, 0])
-    state = np.array([*center, radius, np.arctan2(offset[1], offset[0]), sense * speed / radius])
+    state = np.array([*start, np.arctan2(offset[1], offset[0]), sense * speed / radius])
     covariance = np.diag([radius**2, radius**2, radius**2, 1.0, (0.5 * speed / radius) ** 2])
     noise = np.diag([position_sigma**2] * 2 + [velocity_sigma**2] * 2)
     for i in range(len(points)):
@@ -73,7 +72,7 @@ def kalman_filter(time, points, velocities, position_sigma, velocity_sigma):
         gain = covariance @ by_state.T @ np.linalg.inv(by_state @ covariance @ by_state.T + noise)
         state = state + gain @ (np.array([*points[i], *velocities[i]]) - expected)
         covariance = (np.eye(5) - gain @ by_state) @ covariance
-    return state[:2], float(state[2])
+    return state[:3]
 
 
 METHODS = {

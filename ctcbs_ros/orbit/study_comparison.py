@@ -55,12 +55,12 @@ def comparison(case: str, runs: int, seed: int = SEEDS["comparison"]) -> dict:
             hit = rng.choice(on[:-4], 3, replace=False)
             flight.position[hit, :2] += 100.0 * rng.choice([-1.0, 1.0], (3, 2)) / np.sqrt(2.0)
         orbit = estimate(OrbitEstimator(noise.settings), flight, sigma=noise.sigma)[-1]
-        found = {"this estimator": None if orbit is None else (orbit.center[:2], orbit.radius)}
+        found = {"this estimator": None if orbit is None else [*orbit.center[:2], orbit.radius]}
         samples = flight.time[on], flight.position[on, :2], flight.velocity[on, :2]
         found |= {name: method(*samples, 1.5, 0.3) for name, method in METHODS.items()}
         for name, circle in found.items():
             if circle is not None:
-                rows[name].append([circle[1] / a - 1.0, *(circle[0] - center)])
+                rows[name].append([circle[2] / a - 1.0, *(circle[:2] - center)])
     result = {}
     for name, values in rows.items():
         errors_of = np.array(values)
