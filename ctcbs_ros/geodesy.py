@@ -7,6 +7,7 @@ from math import cos, radians
 import pymap3d
 import pymap3d.rcurve
 
+_WGS84 = pymap3d.Ellipsoid.from_name("wgs84")
 # A position on Earth has been found when it is off by no more than this [m].
 _FOUND = 1e-7
 _ITERATIONS = 6
@@ -52,7 +53,7 @@ def to_enu(datum: Datum, latitude, longitude, altitude):
         [m]
     """
     return pymap3d.geodetic2enu(
-        latitude, longitude, altitude, datum.latitude, datum.longitude, datum.altitude
+        latitude, longitude, altitude, datum.latitude, datum.longitude, datum.altitude, _WGS84
     )
 
 
@@ -72,7 +73,9 @@ def to_geodetic(datum: Datum, east, north, up):
     altitude : float or (n,) ndarray
         Height of the same kind as the datum's [m].
     """
-    return pymap3d.enu2geodetic(east, north, up, datum.latitude, datum.longitude, datum.altitude)
+    return pymap3d.enu2geodetic(
+        east, north, up, datum.latitude, datum.longitude, datum.altitude, _WGS84
+    )
 
 
 def point_to_geodetic(

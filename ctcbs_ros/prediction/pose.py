@@ -17,6 +17,7 @@ _UNKNOWN = np.diag(np.full(6, UNKNOWN_VARIANCE))
 # Position and yaw are known.
 _KNOWN = np.ix_([0, 1, 2, 5], [0, 1, 2, 5])
 CABLE_POINTS = 41
+_ARC = np.linspace(0.0, 1.0, CABLE_POINTS)
 # Tow radius at fixed angular rate: omega^2 and every length are proportional to it.
 RADIUS_AT_RATE = Family(
     "radius at rate", omega=0.5, length=-1.0, mass=-1.0, cable_drag=1.0, elasticity=-1.0
@@ -45,14 +46,15 @@ def motion_yaw(orbit: Orbit, state: SteadyState) -> float:
 
 def cable_points(orbit: Orbit, point: FlightPoint, state: SteadyState) -> np.ndarray:
     """East, north, up along the cable [m], (CABLE_POINTS, 3), from the end mass up."""
-    arc = np.linspace(0.0, point.parameters.length, CABLE_POINTS)
-    x, y, z = point.radius * state.cable(arc)[0].T
+    positions, _ = state.cable(_ARC * point.parameters.length)
     azimuth = end_mass_azimuth(orbit, state)
-    # A clockwise orbit is the mirror image of the solver's anticlockwise one.
-    y = orbit.sense * y
     c, s = cos(azimuth), sin(azimuth)
-    depth = state.depth * point.radius
-    return orbit.center + np.column_stack([c * x - s * y, s * x + c * y, z - depth])
+    # A clockwise orbit is the mirror image of the solver's anticlockwise one.
+    turn = np.array([[c, s, 0.0], [-orbit.sense * s, orbit.sense * c, 0.0], [0.0, 0.0, 1.0]])
+    points = (point.radius * positions) @ turn
+    points += orbit.center
+    points[:, 2] -= state.depth * point.radius
+    return points
 
 
 def fold_distance(orbit: Orbit, in_angular_rate: Jump | None, in_radius: Jump | None) -> float:
@@ -78,12 +80,11 @@ def fold_distance(orbit: Orbit, in_angular_rate: Jump | None, in_radius: Jump | 
     radius = in_radius.relative if in_radius else inf
     if radius * rate > 0.0 and rate < inf:
         radius = inf  # a tighter circle turns faster: these are two folds
-    normal = np.array([1.0 / radius + 1.0 / rate, 1.0 / rate]) if rate and radius else None
-    if normal is None:
+    if not (rate and radius):
         return 0.0
-    scale = np.array([1.0 / orbit.radius, 1.0 / orbit.angular_rate])
-    with np.errstate(all="ignore"):
-        variance = normal @ (orbit.covariance[3:5, 3:5] * np.outer(scale, scale)) @ normal
+    by_radius, by_rate = (1.0 / radius + 1.0 / rate) / orbit.radius, 1.0 / rate / orbit.angular_rate
+    (of_radius, of_both), (_, of_rate) = orbit.covariance[3:5, 3:5].tolist()
+    variance = by_radius**2 * of_radius + by_rate**2 * of_rate + 2.0 * by_radius * by_rate * of_both
     return 1.0 / sqrt(variance) if 0.0 < variance < inf else inf
 
 
@@ -109,27 +110,26 @@ def pose_covariance(
     landed : SteadyState, optional
         Of the same orbit: where the end mass is if it has jumped.
     """
-    moves = sensitivities(state, (RADIUS_AT_RATE, ANGULAR_RATE))
+    by_radius, by_rate = sensitivities(state, (RADIUS_AT_RATE, ANGULAR_RATE)).tolist()
     a, rate = orbit.radius, orbit.angular_rate
     x_d, depth = state.end_mass_radius, state.depth
-    # Derivatives of radius, depth [m] and lag [rad] by tow radius [m] and angular rate [rad/s].
-    by_radius = np.array([moves[0, 0] + x_d, moves[0, 1] + depth, moves[0, 2] / a])
-    by_rate = np.array([moves[1, 0] * a, moves[1, 1] * a, moves[1, 2]]) / rate
     azimuth = end_mass_azimuth(orbit, state)
     c, s = cos(azimuth), sin(azimuth)
     radius = x_d * a
 
-    # By east, north, up, radius, rate and phase: climb and drift move nothing at this time.
-    jacobian = np.zeros((4, 6))
-    jacobian[0, 0] = jacobian[1, 1] = jacobian[2, 2] = 1.0
-    for column, (d_radius, d_depth, d_lag) in ((3, by_radius), (4, by_rate)):
-        d_azimuth = -orbit.sense * d_lag
-        jacobian[:, column] = (
-            c * d_radius - radius * s * d_azimuth,
-            s * d_radius + radius * c * d_azimuth,
-            -d_depth,
-            d_azimuth,
+    def moved(d_radius, d_depth, d_lag):
+        """East, north, up and yaw by changes of radius, depth [m] and lag [rad]."""
+        along = -orbit.sense * d_lag
+        return (
+            c * d_radius - radius * s * along, s * d_radius + radius * c * along, -d_depth, along
         )
+
+    # By east, north, up, tow radius [m], angular rate [rad/s] and phase: climb and drift move
+    # nothing at this time.
+    jacobian = np.eye(4, 6)
+    jacobian[3, 3] = 0.0
+    jacobian[:, 3] = moved(by_radius[0] + x_d, by_radius[1] + depth, by_radius[2] / a)
+    jacobian[:, 4] = moved(by_rate[0] * a / rate, by_rate[1] * a / rate, by_rate[2] / rate)
     jacobian[:, 5] = (-radius * s, radius * c, 0.0, 1.0)
     covariance = _UNKNOWN.copy()
     with np.errstate(all="ignore"):

@@ -1,5 +1,7 @@
 """How a steady state moves when the flight changes: implicit derivatives along families."""
 
+from math import hypot
+
 import numpy as np
 
 from ctcbs_ros.kernels.search import MAX_STEPS
@@ -33,7 +35,7 @@ def sensitivities(state: SteadyState, families: tuple[Family, ...]) -> np.ndarra
     directions = np.zeros((1 + len(families), N_THETA))
     directions[0, X_D] = 1.0
     for row, family in zip(directions[1:], families, strict=True):
-        row[:] = family.exponents() * theta
+        np.multiply(family.exponents(), theta, out=row)
         row[X_D] = 0.0
     out = np.empty((1, 2 + len(families), 6))
     status, _, _ = integrate(
@@ -42,15 +44,20 @@ def sensitivities(state: SteadyState, families: tuple[Family, ...]) -> np.ndarra
     )
     if status != OK:
         return np.full((len(families), 3), np.inf)
-    end, by_radius, along = out[0, 0], out[0, 1, :3], out[0, 2:, :3].copy()
-    tension = np.linalg.norm(end[3:])
-    by_length = end[3:] * (1.0 / tension + theta[G])
-    for row, family in zip(along, families, strict=True):
-        row += by_length * p.length * family.length
+    end, by_radius, *along = out[0].tolist()
     x, y = end[:2]
+    strain = 1.0 / hypot(*end[3:]) + float(theta[G])
+    by_length = [force * strain for force in end[3:]]
     h_radius = x * by_radius[0] + y * by_radius[1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        d_radius = -(x * along[:, 0] + y * along[:, 1]) / h_radius
-        moved = along + d_radius[:, None] * by_radius
-    d_lag = (x * moved[:, 1] - y * moved[:, 0]) / (x * x + y * y)
-    return np.column_stack([d_radius, moved[:, 2], d_lag])
+    if h_radius == 0.0:
+        return np.full((len(families), 3), np.inf)
+    found = np.empty((len(families), 3))
+    for row, moved, family in zip(found, along, families, strict=True):
+        longer = p.length * family.length
+        dx, dy, dz = (m + longer * b for m, b in zip(moved[:3], by_length, strict=True))
+        d_radius = -(x * dx + y * dy) / h_radius
+        dx, dy, dz = (
+            m + d_radius * b for m, b in zip((dx, dy, dz), by_radius[:3], strict=True)
+        )
+        row[:] = d_radius, dz, (x * dy - y * dx) / (x * x + y * y)
+    return found

@@ -62,9 +62,11 @@ class Table:
     fold_radius: np.ndarray
 
     def __post_init__(self):
-        """Cache the logarithms that every look-up needs."""
+        """Cache what every look-up needs: logarithms, and what is known of each cell."""
         object.__setattr__(self, "_ln_radius", np.log(self.radius))
         object.__setattr__(self, "_ln_speed", np.log(self.speed))
+        object.__setattr__(self, "_is_sure", self._sure_cells())
+        object.__setattr__(self, "_may_end", self._cells_with_ends())
 
     def guesses(self, point: FlightPoint) -> list[float] | None:
         """End-mass radii (over the tow radius) near which all states of a point lie.
@@ -82,39 +84,47 @@ class Table:
         cell = self._cell(point)
         if cell is None:
             return None
-        around = self.count[cell]
-        if around.min() != around.max() or around.min() == 0 or self._folds_on_edge(cell):
+        if not self._is_sure[cell]:
             return None
         i, d_radius = _nearest(self._ln_radius, log(point.radius))
         j, d_speed = _nearest(self._ln_speed, log(point.speed))
         n = self.count[i, j]
         slope = self.radius_slope[i, j, :n]
         shift = slope[:, 0] * d_radius + slope[:, 1] * d_speed
-        return list(self.end_mass_radius[i, j, :n] * np.exp(np.clip(shift, -0.5, 0.5)))
+        return (self.end_mass_radius[i, j, :n] * np.exp(shift.clip(-0.5, 0.5))).tolist()
 
     def may_end(self, point: FlightPoint) -> bool:
         """Whether any branch around a point ends in a fold that the table knows of."""
         cell = self._cell(point)
-        if cell is None or self.count[cell].max() > 1:
-            return True
-        folds = (self.fold_angular_rate[cell], self.fold_radius[cell])
-        return any(np.any(np.isfinite(fold)) for fold in folds)
+        return cell is None or bool(self._may_end[cell])
 
-    def _folds_on_edge(self, cell) -> bool:
-        """Whether a branch folds between two nodes of a cell: then it may hold more states."""
-        radii, speeds = cell
-        along_radius, along_speed = self.fold_radius[cell], self.fold_angular_rate[cell]
-        width = np.diff(self._ln_radius[radii])[0]
-        height = np.diff(self._ln_speed[speeds])[0]
-        return bool(
-            np.any(along_radius[0, ..., 1] < width)
-            or np.any(along_radius[1, ..., 0] > -width)
-            or np.any(along_speed[:, 0, ..., 1] < height)
-            or np.any(along_speed[:, 1, ..., 0] > -height)
+    def _sure_cells(self) -> np.ndarray:
+        """Cells whose four nodes have as many states, with no fold between two of them.
+
+        Beyond a fold that lies between two nodes a cell may hold more states.
+
+        Returns
+        -------
+        (r - 1, v - 1) bool ndarray
+        """
+        wide = np.diff(self._ln_radius)[:, None, None]
+        high = np.diff(self._ln_speed)[:, None]
+        radius, rate = self.fold_radius, self.fold_angular_rate
+        along_radius = np.any((radius[:-1, ..., 1] < wide) | (radius[1:, ..., 0] > -wide), axis=2)
+        along_speed = np.any(
+            (rate[:, :-1, :, 1] < high) | (rate[:, 1:, :, 0] > -high), axis=2
         )
+        folds = along_radius[:, :-1] | along_radius[:, 1:] | along_speed[:-1] | along_speed[1:]
+        count = _corners(self.count)
+        return (count.min(axis=0) == count.max(axis=0)) & (count.min(axis=0) > 0) & ~folds
 
-    def _cell(self, point: FlightPoint):
-        """Index of the four nodes around a point; None where the table does not apply."""
+    def _cells_with_ends(self) -> np.ndarray:
+        """Cells around which a branch ends in a fold that the table knows of, as above."""
+        folds = np.isfinite(self.fold_angular_rate) | np.isfinite(self.fold_radius)
+        return _corners((self.count > 1) | np.any(folds, axis=(2, 3))).any(axis=0)
+
+    def _cell(self, point: FlightPoint) -> tuple[int, int] | None:
+        """Lower indices of the four nodes around a point; None where the table does not apply."""
         for here, there in (
             (point.density, self.density),
             (point.cable_length, self.cable_length),
@@ -129,8 +139,7 @@ class Table:
         ):
             if not axis[0] - _BEYOND_ENVELOPE <= value <= axis[-1] + _BEYOND_ENVELOPE:
                 return None
-            lower = min(max(int(np.searchsorted(axis, value)) - 1, 0), axis.size - 2)
-            index.append(slice(lower, lower + 2))
+            index.append(min(max(int(axis.searchsorted(value)) - 1, 0), axis.size - 2))
         return tuple(index)
 
     def summary(self) -> dict:
@@ -152,6 +161,11 @@ class Table:
             "unstable_states": int((self.growth_rate >= 0.0).sum()),
             "size_bytes": int(sum(np.asarray(getattr(self, f.name)).nbytes for f in fields(self))),
         }
+
+
+def _corners(nodes: np.ndarray) -> np.ndarray:
+    """What the four nodes of each cell have, (4, r - 1, v - 1), of an array over the nodes."""
+    return np.stack([nodes[:-1, :-1], nodes[1:, :-1], nodes[:-1, 1:], nodes[1:, 1:]])
 
 
 def _nearest(axis: np.ndarray, value: float) -> tuple[int, float]:

@@ -55,6 +55,7 @@ class Continuity:
         self._stray: _Point | None = None
         self._strays = 0
         self._misses = tuple(deque(maxlen=_REMEMBERED) for _ in _LEAST)
+        self._usual: tuple[float, ...] = ()
 
     def check(self, sample: Sample, position: np.ndarray) -> Track:
         """Take in one more believed sample.
@@ -80,6 +81,7 @@ class Continuity:
             if led:
                 for remembered, length in zip(self._misses, led[-1].lengths, strict=True):
                     remembered.append(length)
+                self._usual = self._usual_lengths()
             found = Track.GOES_ON
         else:
             follows = strayed is not None and self._is_usual(strayed)
@@ -105,14 +107,19 @@ class Continuity:
             not self._is_usual(strayed) or min(usual) <= sum(strayed.lengths)
         )
 
-    def _is_usual(self, miss: "_Miss") -> bool:
+    def _usual_lengths(self) -> tuple[float, ...]:
+        """What a miss does not exceed by chance [m]; none while too few are remembered."""
         if len(self._misses[0]) < _ENOUGH:
-            return True
-        return all(
-            length <= medians * max(median(remembered), least) + miss.manoeuvre
-            for length, remembered, least, medians in zip(
-                miss.lengths, self._misses, _LEAST, _MEDIANS, strict=True
-            )
+            return ()
+        return tuple(
+            medians * max(median(remembered), least)
+            for remembered, least, medians in zip(self._misses, _LEAST, _MEDIANS, strict=True)
+        )
+
+    def _is_usual(self, miss: "_Miss") -> bool:
+        return not self._usual or all(
+            length <= usual + miss.manoeuvre
+            for length, usual in zip(miss.lengths, self._usual, strict=True)
         )
 
 

@@ -180,9 +180,6 @@ class DataflashDecoder:
             if sample is not None:
                 yield sample
 
-    def choose_any(self) -> None:
-        """A DataFlash log is of one vehicle: there is nothing to choose."""
-
     def _gps(self, gps: DFMessage) -> Sample | None:
         receiver = getattr(gps, "I", 0)
         if not getattr(gps, "U", receiver == 0):

@@ -17,8 +17,10 @@ from ctcbs_ros.telemetry.ulog import UlogDecoder
 from ctcbs_ros.telemetry.ulog_messages import START as ULOG_START
 
 CHUNK = 1 << 14
-# Bytes in which a log must show its format, and tell its vehicle if it can.
+# Bytes in which a log must show its format, and tell its vehicle if it can; and those in which a
+# MAVLink log usually does both.
 HEAD = 1 << 20
+SHORT_HEAD = 1 << 14
 # Bytes in which a log as text declares its first format.
 TEXT_HEAD = 1 << 12
 # Random bytes hold a frame with a right checksum now and then; of a log, this part is messages.
@@ -124,13 +126,12 @@ def open_log(
         trial = _tried(UlogDecoder(), head)
         decoder = partial(UlogDecoder, trial.vehicle, trial.unix_anchor, trial.position_topic)
     else:
-        trials = {
-            stamped: _tried(MavlinkDecoder(stamped, system, component), head)
-            for stamped in (True, False)
-        }
-        # Read the wrong way, a log is damaged at every stamp.
-        stamped = trials[True].link.bad_bytes <= trials[False].link.bad_bytes
-        trial = trials[stamped]
+        stamped, trial = _tried_stamps(head[:SHORT_HEAD], system, component)
+        if trial.vehicle is None or trial.link.bad_bytes > SHORT_HEAD // 2:
+            stamped, trial = _tried_stamps(head, system, component)
+        else:
+            head = head[:SHORT_HEAD]
+        trial.choose_any()
         decoder = partial(MavlinkDecoder, stamped, system, component, vehicle=trial.vehicle)
 
     good = len(head) - trial.link.bad_bytes
@@ -147,5 +148,17 @@ def _tried(decoder, head: bytes):
     """The decoder after it has read the head of a log."""
     for _ in decoder.feed(head, last=True):
         pass
-    decoder.choose_any()
     return decoder
+
+
+def _tried_stamps(
+    head: bytes, system: int | None, component: int | None
+) -> tuple[bool, MavlinkDecoder]:
+    """Whether a MAVLink log is stamped, and the decoder that has read its head."""
+    trials = {
+        stamped: _tried(MavlinkDecoder(stamped, system, component), head)
+        for stamped in (True, False)
+    }
+    # Read the wrong way, a log is damaged at every stamp.
+    stamped = trials[True].link.bad_bytes <= trials[False].link.bad_bytes
+    return stamped, trials[stamped]

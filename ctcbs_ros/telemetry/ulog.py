@@ -121,9 +121,6 @@ class UlogDecoder:
                 if sample is not None:
                     yield sample
 
-    def choose_any(self) -> None:
-        """A ULog is of one vehicle: there is nothing to choose."""
-
     def _gps(self, message: Data) -> Sample | None:
         values = message.values
         fix_type = values.get("fix_type", NO_FIX)
