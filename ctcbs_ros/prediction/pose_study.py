@@ -128,7 +128,7 @@ def predicted(case: Case) -> tuple[Configuration, EndMass, object]:
     others = tuple(other for other in states if other is not state)
     tracked = Tracked(state, "main", others, "full solve", 0)
     position = pose.end_mass_position(orbit, point, state)
-    end_mass = end_mass_in_si(orbit, point, tracked, outlook, position, _NO_PLACE, 0.0)
+    end_mass = end_mass_in_si(orbit, 0.0, point, tracked, outlook, position, _NO_PLACE, 0.0)
     return configuration, end_mass, state
 
 
