@@ -16,6 +16,8 @@ from ctcbs_ros.kernels import cable_motion
 # Error of a step in units of the cable's length and of the tow speed. What it costs and gives:
 # docs/theory.md, "The cable in time".
 TOLERANCE = 1e-4
+# Errors of tensions, in units of weight and drag, may be so many times larger.
+_TENSION = 10.0
 _MOST_STEPS = 2_000_000
 _FAILURES = {
     cable_motion.TOO_MANY_STEPS: "too many steps are needed",
@@ -140,7 +142,8 @@ def simulate(
     times : (m,) array_like
         Rising; the states at these are given.
     tolerance : float
-        Error of a step in units of the length and of the greatest speed of the tow point.
+        Error of a step in units of the length and of the greatest speed of the tow point; ten
+        times that of tensions in units of the weight and the end mass's drag.
 
     Returns
     -------
@@ -176,12 +179,15 @@ def simulate(
     speed = np.linalg.norm(np.diff(along, axis=0), axis=1).max(initial=0.0) / gap
     fall = np.sqrt(abs(line.weight_per_length) / line.mass_per_length * scale_x)
     scale_v = float(max(speed, fall))
+    # A stiff cable's tension is far off before its positions are.
+    loads = ends[:, 1] + ends[:, 2] * scale_v**2
+    scale_t = _TENSION * float(loads.max() + abs(line.weight_per_length) * scale_x)
     first = state.step if state.step > 0.0 else 1e-3 * scale_x / scale_v
     out_x = np.empty((times.size, *x.shape))
     out_v = np.empty_like(out_x)
     status, reached, step, steps, rejected = cable_motion.advance(
-        driven.compiled, line.packed(), driven.stops, tolerance, scale_x, scale_v, _MOST_STEPS,
-        state.time, end, first, x, v, times, out_x, out_v,
+        driven.compiled, line.packed(), driven.stops, tolerance, scale_x, scale_v, scale_t,
+        _MOST_STEPS, state.time, end, first, x, v, times, out_x, out_v,
     )  # fmt: skip
     if status != cable_motion.OK:
         kind = InputError if status == cable_motion.NO_LENGTH else ArithmeticError

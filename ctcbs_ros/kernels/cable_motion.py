@@ -14,11 +14,11 @@ from numba import njit
 
 from ctcbs_ros.kernels import rosenbrock as pair
 from ctcbs_ros.kernels.block_tridiagonal import factorise, solve
-from ctcbs_ros.kernels.cable_forces import N_END, derivatives, forces, masses
+from ctcbs_ros.kernels.cable_forces import N_END, STIFFNESS, derivatives, forces, masses
 from ctcbs_ros.kernels.piecewise import evaluate
 
 _STAGES, _G = pair.STAGES, pair.G
-_A, _C, _D, _ALPHA = pair.A, pair.C, pair.D, pair.ALPHA
+_A, _C, _D, _E, _ALPHA = pair.A, pair.C, pair.D, pair.E, pair.ALPHA
 OK, TOO_MANY_STEPS, NOT_FINITE, NO_LENGTH = range(4)
 _FUSED = {"contract"}
 
@@ -70,8 +70,8 @@ def _steady(drive):
 
 
 @njit(cache=True, fastmath=_FUSED)
-def advance(drive, line, stops, tolerance, scale_x, scale_v, most_steps, t, t_end, h, x, v,
-            times, out_x, out_v):  # fmt: skip
+def advance(drive, line, stops, tolerance, scale_x, scale_v, scale_t, most_steps, t, t_end, h,
+            x, v, times, out_x, out_v):  # fmt: skip
     """Integrate from t to t_end, writing the states at the rising `times` in between.
 
     Parameters
@@ -82,8 +82,8 @@ def advance(drive, line, stops, tolerance, scale_x, scale_v, most_steps, t, t_en
     stops : (k,) array
         Rising times at which a signal or its slope may jump; steps end there.
     tolerance : float
-        Error of a step allowed in positions and velocities, in units of the scales.
-    scale_x, scale_v : float
+        Error of a step allowed in positions, velocities and tensions, in units of the scales.
+    scale_x, scale_v, scale_t : float
     most_steps : int
     t, t_end, h : float
         h is the first step to try.
@@ -91,7 +91,8 @@ def advance(drive, line, stops, tolerance, scale_x, scale_v, most_steps, t, t_en
         State at t, replaced by that reached.
     times : (m,) array
     out_x, out_v : (m, n + 1, 3) arrays, written
-        By the quintic through positions, velocities and accelerations at both ends of a step.
+        By the method's own polynomial between the ends of a step: through accelerations, which
+        the axial waves fill with noise, tensions would be nonsense.
 
     Returns
     -------
@@ -108,7 +109,7 @@ def advance(drive, line, stops, tolerance, scale_x, scale_v, most_steps, t, t_en
     u_x, u_v = np.empty((_STAGES, n, 3)), np.empty((_STAGES, n, 3))
     y_x, y_v = np.empty((n + 1, 3)), np.empty((n + 1, 3))
     force, p = np.empty((n, 3)), np.empty((n, 3))
-    start, finish, driven = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    start, driven = np.empty((n, 3)), np.empty((n, 3))
     wind, end, tow_a, scratch = np.empty(3), np.empty(N_END), np.empty(3), np.empty(3)
     tow_start = np.empty(3)
     steps, rejected, next_stop, next_time = 0, 0, 0, 0
@@ -228,7 +229,8 @@ def advance(drive, line, stops, tolerance, scale_x, scale_v, most_steps, t, t_en
             for a in range(3):
                 sum_x = max(sum_x, abs(u_x[_STAGES - 1, i, a]))
                 sum_v += u_v[_STAGES - 1, i, a] ** 2
-        error = max(sum_x / scale_x, np.sqrt(sum_v / n) / scale_v) / tolerance
+        pull = line[STIFFNESS] * n / length * _greatest_stretch(y_x, u_x[_STAGES - 1])
+        error = max(sum_x / scale_x, np.sqrt(sum_v / n) / scale_v, pull / scale_t) / tolerance
         if not np.isfinite(error):
             rejected += 1
             h = 0.1 * step
@@ -247,21 +249,13 @@ def advance(drive, line, stops, tolerance, scale_x, scale_v, most_steps, t, t_en
             for a in range(3):
                 y_x[i, a] += u_x[_STAGES - 1, i, a]
                 y_v[i, a] += u_v[_STAGES - 1, i, a]
-        if next_time < times.shape[0] and times[next_time] <= t_new + tiny:
-            length, rate, second = drive_at(
-                drive, t_new, t_new - 1e-9 * step, y_x, y_v, wind, end, scratch
-            )
-            forces(y_x, y_v, line, end, wind, length, rate, second, force)
-            masses(line, end, length, n, mass_now)
-            for i in range(n):
-                for a in range(3):
-                    finish[i, a] = force[i, a] / mass_now[i]
-            while next_time < times.shape[0] and times[next_time] <= t_new + tiny:
-                _between(times[next_time] - t, step, x, v, start, y_x, y_v, finish,
-                         out_x[next_time], out_v[next_time])  # fmt: skip
-                drive_at(drive, times[next_time], middle, out_x[next_time], out_v[next_time],
-                         wind, end, scratch)  # fmt: skip
-                next_time += 1
+        while next_time < times.shape[0] and times[next_time] <= t_new + tiny:
+            part = (times[next_time] - t) / step
+            _between(part, x, y_x, u_x, out_x[next_time])
+            _between(part, v, y_v, u_v, out_v[next_time])
+            drive_at(drive, times[next_time], middle, out_x[next_time], out_v[next_time],
+                     wind, end, scratch)  # fmt: skip
+            next_time += 1
         x[:], v[:] = y_x, y_v
         t = t_new
         steps += 1
@@ -271,21 +265,30 @@ def advance(drive, line, stops, tolerance, scale_x, scale_v, most_steps, t, t_en
     return OK, t, h, steps, rejected
 
 
-@njit(cache=True)
-def _between(s, h, x0, v0, a0, x1, v1, a1, x, v):
-    """Write the quintic's position and velocity of nodes 0 .. n-1 at a time s into a step h."""
-    for i in range(a0.shape[0]):
+@njit(cache=True, fastmath=_FUSED)
+def _greatest_stretch(x, moved):
+    """Greatest change of a segment's length by small displacements of nodes 0 .. n-1, (n, 3)."""
+    n = moved.shape[0]
+    greatest = 0.0
+    for i in range(n):
+        along, square = 0.0, 0.0
         for a in range(3):
-            p = x1[i, a] - x0[i, a] - h * (v0[i, a] + 0.5 * h * a0[i, a])
-            q = h * (v1[i, a] - v0[i, a] - h * a0[i, a])
-            r = h * h * (a1[i, a] - a0[i, a])
-            c3 = 10.0 * p - 4.0 * q + 0.5 * r
-            c4 = -15.0 * p + 7.0 * q - r
-            c5 = 6.0 * p - 3.0 * q + 0.5 * r
-            z = s / h
-            x[i, a] = x0[i, a] + s * (v0[i, a] + 0.5 * s * a0[i, a]) + z**3 * (
-                c3 + z * (c4 + z * c5)
-            )
-            v[i, a] = v0[i, a] + s * a0[i, a] + z * z / h * (
-                3.0 * c3 + z * (4.0 * c4 + z * 5.0 * c5)
-            )
+            e = x[i + 1, a] - x[i, a]
+            along += e * ((moved[i + 1, a] if i < n - 1 else 0.0) - moved[i, a])
+            square += e * e
+        if square > 0.0:
+            greatest = max(greatest, abs(along) / np.sqrt(square))
+    return greatest
+
+
+@njit(cache=True)
+def _between(part, before, after, stages, found):
+    """Write nodes 0 .. n-1 at a part of a step, by the method's polynomial."""
+    for i in range(found.shape[0] - 1):
+        for a in range(3):
+            first, second = 0.0, 0.0
+            for s in range(_STAGES):
+                first += _E[0, s] * stages[s, i, a]
+                second += _E[1, s] * stages[s, i, a]
+            bow = (1.0 - part) * (first + part * second)
+            found[i, a] = (1.0 - part) * before[i, a] + part * (after[i, a] + bow)

@@ -5,7 +5,11 @@ For y' = f(t, y), J = df/dy, with the stages u_i in the form that needs no produ
     (1/(G h) - J) u_i = f(t + ALPHA_i h, y + sum_j A_ij u_j) + sum_j C_ij u_j/h + D_i h df/dt
 
 The new state is that of the last stage, y + sum_j A_6j u_j, plus u_6, which is also the error of
-the formula of order 3. Its order does not fall where a stiff problem is driven from its boundary,
+the formula of order 3. Between both ends, at a part s of the step, the state is to order 3
+
+    (1 - s) y_0 + s (y_1 + (1 - s) (sum_j E_0j u_j + s sum_j E_1j u_j)).
+
+Its order does not fall where a stiff problem is driven from its boundary,
 as a cable is at its tow point.
 
 References
@@ -34,3 +38,9 @@ C[3, :3] = 10.81793056857153, 6.780270611428266, 19.53485944642410
 C[4, :4] = 34.19095006749676, 15.49671153725963, 54.74760875964130, 14.16005392148534
 C[5, :4] = 34.62605830930532, 15.30084976114473, 56.99955578662667, 18.40807009793095
 C[5, 4] = -5.714285714285717
+E = np.zeros((2, STAGES))
+E[0, :4] = 25.09876703708589, 11.62013104361867, 28.49148307714626, -5.664021568594133
+E[1, :5] = (
+    1.638054557396973, -0.7373619806678748, 8.477918219238990, 15.99253148779520,
+    -1.882352941176471,
+)  # fmt: skip
