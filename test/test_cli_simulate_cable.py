@@ -2,14 +2,21 @@
 
 import csv
 import json
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from points import STRETCHED, design, parameters
 
 from ctcbs_ros.cli.main import main
+from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.steady_state import steady_states
+from ctcbs_ros.telemetry.source import open_log
+from ctcbs_ros.telemetry.tow_track import read_tow_track
 
+SHARED = Path(__file__).parents[2] / "shared"
 POINT = "--omega 1.6 --length 3 --end-mass 50 --cable-drag 10 --drag-ratio 1 --segments 20"
 FLIGHT = "--config config/design_example.yaml --radius 250 --speed 50 --segments 20"
 
@@ -79,10 +86,61 @@ def test_a_track_is_flown_and_the_csv_tells_where_everything_was(tmp_path, capsy
     assert rows[0]["tension_tow_point"] > 9.8
 
 
+DRONE = "--config config/small_drone.yaml"
+
+
+@pytest.fixture(scope="module")
+def flight_log(tmp_path_factory):
+    """Eight turns of 60 m at 20 m/s from a straight entry, with a receiver's noise."""
+    file = tmp_path_factory.mktemp("flight") / "flight.tlog"
+    noise = "--position-noise 0.5 --velocity-noise 0.1"
+    flown = f"simulate {DRONE} --radius 60 --speed 20 --turns 8 {noise} -o {file}"
+    assert main(flown.split()) == 0
+    return file
+
+
+def test_towed_along_a_noisy_log_the_mass_settles_in_the_steady_state(
+    flight_log, tmp_path, capsys
+):
+    out = tmp_path / "out.csv"
+    end = run(f"{DRONE} --track {flight_log} --to 160 --segments 20 -o {out}", capsys)
+    rows = np.genfromtxt(out, delimiter=",", names=True)
+    turn = rows[rows["t"] > 160.0 - 2.0 * np.pi * 60.0 / 20.0]
+    centre = [np.mean([turn[f"tow_point_{a}"].max(), turn[f"tow_point_{a}"].min()]) for a in "xy"]
+    radius = np.hypot(turn["end_mass_x"] - centre[0], turn["end_mass_y"] - centre[1])
+    flight = flight_point(load_configuration("config/small_drone.yaml"), 60.0, 20.0, 1.225)
+    (state,) = steady_states(flight.parameters).states
+    assert radius.mean() == pytest.approx(60.0 * state.end_mass_radius, rel=0.02)
+    assert end["greatest_tension"] < 10.0  # 4.5 N at rest: noise does not jerk at the cable
+
+
+def test_a_log_is_flown_in_its_autopilots_wind(tmp_path, capsys):
+    log = SHARED / "flights" / "plane_real_wind.tlog"
+    if not log.exists():
+        pytest.skip("no recorded flights here")
+    few = f"{DRONE} --track {log} --from 905 --to 935 --segments 10"
+    blown = run(f"{few} --wind log", capsys)
+    calm = run(few, capsys)
+    moved = np.subtract(blown["end_mass"], calm["end_mass"])
+    assert 5.0 < np.hypot(*moved[:2]) < 150.0
+
+
+@pytest.mark.parametrize("name", ["plane_sitl_guided_loiter.BIN", "plane_sitl_loiter.tlog"])
+def test_any_log_that_replay_reads_is_a_track(name, capsys):
+    log = SHARED / "flights" / name
+    if not log.exists():
+        pytest.skip("no recorded flights here")
+    end = run(f"{DRONE} --track {log} --from 20 --to 50 --segments 10", capsys)
+    assert 20.0 < end["least_depth"] < end["greatest_depth"] < 152.0
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (f"{POINT} --wind 2,0", "below the tow speed"),
+        (f"{POINT} --wind nowhere.csv", "neither X,Y[,Z] nor a file"),
+        (f"{POINT} --wind log", "only with a --track"),
+        (f"{POINT} --from 3", "only with --track"),
         (f"{POINT} --wind nan,0", "--wind nan,0"),
         (f"{POINT} --reel-to -1 --reel-rate 1", "--reel-to"),
         (f"{POINT} --reel-to 4", "only together"),
@@ -102,6 +160,9 @@ def test_bad_input_is_one_line_and_2(arguments, message, capsys):
     ("change", "message"),
     [(lambda x: x[:10] + x[60:], "a gap"),
      (lambda x: [*x[:10], (5.0, 9e4, 0, 0), *x[11:]], "jump"),
+     (lambda x: x[:40] + [(t, x + 60.0, y, z) for t, x, y, z in x[40:]], "a jump after t = 19.5"),
+     (lambda x: [*x[:10], x[5], *x[10:]], "times must rise"),
+     (lambda x: [*x[:10], (5.0, float("nan"), 0, 0), *x[11:]], "finite"),
      (lambda x: x[:2], "not enough"), (lambda x: [("a", 0, 0, 0)], "numbers")],
 )  # fmt: skip
 def test_a_track_with_a_gap_or_a_jump_is_refused(change, message, tmp_path, capsys):
@@ -111,3 +172,38 @@ def test_a_track_with_a_gap_or_a_jump_is_refused(change, message, tmp_path, caps
         csv.writer(handle).writerows([("t", "x", "y", "z"), *change(rows)])
     assert main(["simulate-cable", *FLIGHT.split(), "--track", str(file)]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_log_with_a_gap_or_a_jump_is_flown_beside_it_only(flight_log, tmp_path, capsys):
+    whole = read_tow_track(open_log(flight_log)).stretches
+    assert len(whole) == 1
+    samples = list(open_log(flight_log))
+    gap = read_tow_track(s for s in samples if not 60.0 < s.time - samples[0].time < 64.0)
+    assert [s.ended_by for s in gap.stretches] == ["a gap of 4.0 s", ""]
+    jump = read_tow_track(
+        replace(s, latitude=s.latitude + 2e-3 * (s.time - samples[0].time > 60.0)) for s in samples
+    )
+    assert [s.ended_by for s in jump.stretches] == ["a jump", ""]
+    reboot = read_tow_track(
+        replace(s, flight=int(s.time - samples[0].time > 60.0)) for s in samples
+    )
+    assert [s.ended_by for s in reboot.stretches] == ["another flight begins", ""]
+    # to the command: a log whose link was lost for 10 s
+    file = tmp_path / "gap.tlog"
+    lost = f"simulate {DRONE} --radius 60 --speed 20 --turns 3 --gap 30,10 -o {file}"
+    assert main(lost.split()) == 0
+    track = f"simulate-cable {DRONE} --track {file}"
+    assert main(f"{track} --from 10 --to 50".split()) == 2
+    assert "a gap of 10" in capsys.readouterr().err
+    assert main(f"{track} --segments 5".split()) == 0
+    assert "2 stretches without gap or jump" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", [b"", b"no log", b"a,b\n1,2\n"])
+def test_a_track_that_is_neither_log_nor_csv_is_refused(content, tmp_path, capsys):
+    file = tmp_path / "track"
+    file.write_bytes(content)
+    assert main(["simulate-cable", *DRONE.split(), "--track", str(file)]) == 2
+    error = capsys.readouterr().err
+    assert "no CSV file with a column t" in error
+    assert error.count("\n") == 1

@@ -7,6 +7,7 @@ what the user gives and gets is in SI.
 import csv
 from dataclasses import asdict, replace
 from math import inf, isfinite, pi
+from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from ctcbs_ros.cli.numbers import number
 from ctcbs_ros.cli.output import print_json
 from ctcbs_ros.cli.steady import add_flight, add_nondimensional, flight_from, parameters_from
 from ctcbs_ros.cli.steady import refuse_flight as refuse
+from ctcbs_ros.cli.tow_path import read_csv, read_tow_path
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.files import atomic_file, writable
 
@@ -39,7 +41,8 @@ def add_parser(subparsers) -> None:
     add("--segments", type=number(int, 2, 1000), default=40, metavar="N", help="default 40")
     add(
         "--start", choices=("steady", "hanging"), default="steady",
-        help="the steady state in still air (default), or hanging below, moving as the tow point",
+        help="the steady state in still air (default; on a track that of straight flight in the "
+        "wind), or hanging below, moving as the tow point",
     )
     add(
         "--end-mass-radius", type=float, metavar="X",
@@ -47,7 +50,8 @@ def add_parser(subparsers) -> None:
     )
     add(
         "--wind", metavar="X,Y[,Z]",
-        help="velocity of the air, over the tow speed (m/s with --config), reached in an orbit",
+        help="velocity of the air, over the tow speed (m/s with --config), reached in an orbit; "
+        "or a CSV file with columns t, x, y[, z]; or 'log', as the autopilot of the --track says",
     )
     add("--reel-to", type=float, metavar="L", help="cable length to reel to, from the start on")
     add("--reel-rate", type=float, metavar="R", help="how fast, over the tow speed (or m/s)")
@@ -55,7 +59,15 @@ def add_parser(subparsers) -> None:
     add("--new-after", type=float, metavar="N", help="orbits until then")
     add(
         "--track", metavar="FILE",
-        help="CSV with columns t, x, y, z of the tow point, instead of the circle",
+        help="path of the tow point instead of the circle: a flight log of any kind that replay "
+        "takes (with --config), or a CSV file with columns t, x, y, z",
+    )
+    add("--from", dest="begin", type=number(float, 0.0, 1e9), metavar="T",
+        help="begin at this time of the track; default: the longest way without gap or jump")
+    add("--to", dest="finish", type=number(float, 0.0, 1e9), metavar="T", help="end there")
+    add(
+        "--smooth", type=number(float, 0.0, 1e3), metavar="T",
+        help="oscillations of the track faster than this are noise; default 2 s of a log, 0 else",
     )
     add(
         "--drag-at", choices=("segments", "nodes"), default="segments",
@@ -71,44 +83,61 @@ def add_parser(subparsers) -> None:
 
 def run(args) -> int:
     """Simulate, and print what came of it."""
-    from ctcbs_ros.dynamics.cable import drive, hanging, simulate
+    from ctcbs_ros.dynamics.cable import drive, simulate
     from ctcbs_ros.dynamics.line import line_of
-    from ctcbs_ros.dynamics.settled import outcome
+    from ctcbs_ros.dynamics.settled import outcome, passage
 
     if args.output:
         writable(args.output)
-    units, parameters = _problem(args)
+    path = _path(args)
+    units, parameters = _problem(args, path)
     line = line_of(parameters, args.drag_at == "nodes")
     period = 2.0 * pi
-    tow, first, last = _tow(args, units, period)
+    tow, first, last = _tow(args, units, path, period)
+    wind = _wind(args, units, path, tow, first, last, period)
     driven = drive(
-        line, tow, _wind(args, units, first, period), _length(args, units, line, first),
-        _end(args, units, line, first, period),
-    )  # fmt: skip
-    if args.start == "hanging" or args.track:
-        here, velocity = tow.at(first), (tow.at(first + 1e-6) - tow.at(first)) / 1e-6
-        state = replace(hanging(line, args.segments, here, velocity), time=first)
-    else:
-        state = _steady(args, units, parameters)
+        line, tow, wind, _length(args, units, line, first), _end(args, units, line, first, period)
+    )
+    state = _start(args, units, parameters, line, driven, first)
     count = max(2, round((last - first) / period * _A_PERIOD) + 1)
     times = np.linspace(first, last, count)
     motion = simulate(line, driven, state, times, args.tolerance)
-    found = outcome(line, driven, motion, period)
-    result = _in_units(asdict(found), units)
-    result |= {"orbits": (last - first) / period, "segments": args.segments,
-               "steps": motion.steps, "steps_rejected": motion.rejected}  # fmt: skip
+    if path is None:
+        found = asdict(outcome(line, driven, motion, period)) | {"orbits": (last - first) / period}
+    else:
+        found = asdict(passage(line, driven, motion))
+    result = _in_units(found, units)
+    result |= {"segments": args.segments, "steps": motion.steps, "steps_rejected": motion.rejected}
     if args.output:
         _write(args.output, line, driven, motion, units)
     if args.json:
-        print_json({"parameters": asdict(parameters), "units": units["names"], "end": result})
-    else:
+        printed = {"parameters": asdict(parameters), "units": units["names"], "end": result}
+        if path is not None:
+            printed["track"] = {"from": float(path.times[0]), "to": float(path.times[-1]),
+                                "origin": path.origin}  # fmt: skip
+        print_json(printed)
+    elif path is None:
         _print(result, units)
+    else:
+        _print_passage(result, units)
     return 0
 
 
-def _problem(args):
+def _path(args):
+    """The track's path, or None on a circle."""
+    if args.track is not None:
+        return read_tow_path(args.track, args.begin, args.finish)
+    for flag, value in (("--from", args.begin), ("--to", args.finish), ("--smooth", args.smooth)):
+        if value is not None:
+            raise InputError(f"{flag}: only with --track")
+    return None
+
+
+def _problem(args, path):
     """Units of what is given and printed, and the parameters."""
     if args.config is not None:
+        if path is not None:
+            _units_of_track(args, path)
         flight = flight_from(args)
         units = {
             "length": flight.radius, "time": 1.0 / flight.angular_rate,
@@ -116,6 +145,8 @@ def _problem(args):
             "names": {"length": "m", "time": "s", "mass": "kg", "tension": "N"},
         }  # fmt: skip
         return units, flight.parameters
+    if path is not None and path.smooth > 0.0:
+        raise InputError("--track: a log is in SI, --config is needed")
     refuse(args)
     parameters = parameters_from(args)
     if args.elasticity is None and args.vibration_elasticity is None:
@@ -127,63 +158,85 @@ def _problem(args):
     return units, parameters
 
 
-def _tow(args, units, period):
-    """The tow point's path, and from when to when it is flown."""
-    from ctcbs_ros.dynamics.signal import circle, spline
+def _units_of_track(args, path):
+    """On a track radius and speed are but units: those of the cable and of the track."""
+    from ctcbs_ros.configuration import load_configuration
 
-    if args.track is None:
+    if args.radius is None:
+        args.radius = load_configuration(args.config).cable.length
+    if args.speed is None:
+        args.speed = max(path.speed, 1.0)
+
+
+def _tow(args, units, path, period):
+    """The tow point's path, and from when to when it is flown."""
+    from ctcbs_ros.dynamics.signal import circle, smoothed
+
+    if path is None:
         end = args.orbits * period
         return circle(1.0, 1.0, 0.0, end), 0.0, end
-    rows = _read_track(args.track)
-    times = rows[:, 0] / units["time"]
-    path = spline(times, rows[:, 1:] / units["length"], f"--track {args.track}")
-    return path, float(times[0]), float(times[-1])
+    times = path.times / units["time"]
+    smooth = (path.smooth if args.smooth is None else args.smooth) / units["time"]
+    tow = smoothed(times, path.positions / units["length"], smooth, f"--track {args.track}")
+    return tow, float(times[0]), float(times[-1])
 
 
-def _read_track(file):
-    try:
-        with open(file, newline="", encoding="utf-8") as handle:
-            rows = list(csv.DictReader(handle))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"--track {file}: cannot be read: {error}") from None
-    try:
-        values = np.array([[float(row[name]) for name in ("t", "x", "y", "z")] for row in rows])
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(
-            f"--track {file}: numbers in columns t, x, y, z are needed ({error})"
-        ) from None
-    if len(values) < 4:
-        raise InputError(f"--track {file}: {len(values)} rows are not enough, 4 are needed")
-    gaps = np.diff(values[:, 0])
-    if np.any(gaps > 20.0 * np.median(gaps)):
-        i = int(np.argmax(gaps))
-        raise InputError(f"--track {file}: a gap of {gaps[i]:g} after t = {values[i, 0]:g}")
-    speeds = np.linalg.norm(np.diff(values[:, 1:], axis=0), axis=1) / np.maximum(gaps, 1e-300)
-    usual = np.median(speeds)
-    if np.any(speeds > 10.0 * usual) and usual > 0.0:
-        i = int(np.argmax(speeds))
-        raise InputError(
-            f"--track {file}: a jump after t = {values[i, 0]:g}, {speeds[i] / usual:.0f} times "
-            "as fast as usual"
-        )
-    return values
-
-
-def _wind(args, units, first, period):
+def _wind(args, units, path, tow, first, last, period):
+    """The wind in time; an InputError where it is faster than the aircraft."""
     from ctcbs_ros.dynamics.signal import linear
 
     if args.wind is None:
         return None
-    try:
-        wind = np.array([float(part) for part in args.wind.split(",")])
-    except ValueError:
-        wind = np.empty(0)
-    if wind.size not in (2, 3) or not np.all(np.isfinite(wind)):
-        raise InputError(f"--wind {args.wind}: two or three numbers are needed, X,Y[,Z]")
-    wind = np.concatenate([wind, np.zeros(3 - wind.size)]) * units["time"] / units["length"]
-    if np.linalg.norm(wind) >= 1.0 and args.track is None:
+    if args.wind == "log":
+        if path is None or not path.wind_times.size:
+            raise InputError("--wind log: only with a --track whose autopilot tells the wind")
+        times, values = path.wind_times, path.wind
+    elif (numbers := _vector(args.wind)) is not None:
+        times = np.array([first, first + period]) * units["time"]
+        values = np.stack([np.zeros(3), numbers])
+    elif Path(args.wind).exists():
+        rows = read_csv(args.wind, "--wind", ("t", "x", "y", "z"))
+        times, values = rows[:, 0], rows[:, 1:]
+    else:
+        raise InputError(f"--wind {args.wind}: neither X,Y[,Z] nor a file")
+    values = values * units["time"] / units["length"]
+    fastest = 1.0
+    if path is not None:
+        way = tow.at(np.linspace(first, last, 2000))
+        fastest = np.linalg.norm(np.diff(way, axis=0), axis=1).max() * 1999.0 / (last - first)
+    if np.linalg.norm(values, axis=1).max(initial=0.0) >= fastest:
         raise InputError(f"--wind {args.wind}: it must be below the tow speed")
-    return linear([first, first + period], [np.zeros(3), wind], "--wind")
+    if len(values) == 1:
+        times, values = times + np.array([0.0, 1.0]), np.repeat(values, 2, axis=0)
+    return linear(times / units["time"], values, "--wind")
+
+
+def _vector(text):
+    """Three numbers of a text, or None where it holds no numbers."""
+    try:
+        given = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        return None
+    if given.size not in (2, 3) or not np.all(np.isfinite(given)):
+        raise InputError(f"--wind {text}: two or three numbers are needed, X,Y[,Z]")
+    return np.concatenate([given, np.zeros(3 - given.size)])
+
+
+def _start(args, units, parameters, line, driven, first):
+    """The cable at the beginning."""
+    from ctcbs_ros.dynamics.cable import hanging
+    from ctcbs_ros.dynamics.equilibrium import trailing
+
+    if args.start != "hanging" and args.track is None:
+        return _steady(args, units, parameters)
+    tow = driven.tow_point
+    here, velocity = tow.at(first), (tow.at(first + 1e-6) - tow.at(first)) / 1e-6
+    line = replace(line, length=float(driven.length.at(first)[0]))
+    if args.start == "hanging":
+        state = hanging(line, args.segments, here, velocity)
+    else:
+        state = trailing(line, args.segments, here, velocity, driven.wind.at(first))
+    return replace(state, time=first)
 
 
 def _length(args, units, line, first):
@@ -245,14 +298,14 @@ def _steady(args, units, parameters):
 
 def _in_units(result, units):
     force = units["mass"] * units["length"] / units["time"] ** 2
-    plain = ("settled", "slack", "phase_lag")
+    plain = ("settled", "slack", "phase_lag", "orbits")
     scaled = {}
     for key, value in result.items():
         unit = 1.0 if key in plain else force if key == "greatest_tension" else units["length"]
         if isinstance(value, np.ndarray):
             scaled[key] = [float(v) * unit for v in value]
         else:
-            scaled[key] = value if isinstance(value, bool) else value * unit
+            scaled[key] = value if isinstance(value, bool) else float(value) * unit
     return scaled
 
 
@@ -284,3 +337,14 @@ def _print(result, units) -> None:
     print(f"in all: greatest tension {result['greatest_tension']:.5g} {tension}, lowest point "
           f"{result['lowest']:.5g} {length}, greatest radius {result['greatest_excursion']:.5g} "
           f"{length}, slack {100.0 * result['slack']:.3g} % of the time")  # fmt: skip
+
+
+def _print_passage(result, units) -> None:
+    length, tension = units["names"]["length"], units["names"]["tension"]
+    x, y, z = result["end_mass"]
+    print(f"at the end the mass is at {x:.5g}, {y:.5g}, {z:.5g} {length}")
+    for name, what in (("depth", "below"), ("distance", "beside")):
+        print(f"  {what} the tow point {result['least_' + name]:.5g} to "
+              f"{result['greatest_' + name]:.5g} {length}")  # fmt: skip
+    print(f"greatest tension {result['greatest_tension']:.5g} {tension}, lowest point "
+          f"{result['lowest']:.5g} {length}, slack {100.0 * result['slack']:.3g} % of the time")

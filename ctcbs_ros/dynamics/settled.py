@@ -91,3 +91,46 @@ def outcome(line: Line, driven: Drive, motion: Motion, period: float) -> Outcome
         greatest_excursion=float(radius.max()),
         slack=float(np.mean((found.tensions == 0.0).any(axis=1))),
     )
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Figures of a motion along any path, in the units it was simulated in.
+
+    Attributes
+    ----------
+    end_mass : (3,) ndarray
+        Where it is at the end.
+    least_depth, greatest_depth : float
+        Of the end mass below the tow point.
+    least_distance, greatest_distance : float
+        Of the end mass from the tow point, horizontally.
+    greatest_tension, lowest, slack : float
+        As in `Outcome`.
+    """
+
+    end_mass: np.ndarray
+    least_depth: float
+    greatest_depth: float
+    least_distance: float
+    greatest_distance: float
+    greatest_tension: float
+    lowest: float
+    slack: float
+
+
+def passage(line: Line, driven: Drive, motion: Motion) -> Passage:
+    """What a motion along any path comes to."""
+    away = motion.positions[:, -1] - motion.positions[:, 0]
+    distance = np.hypot(away[:, 0], away[:, 1])
+    found = loads(line, driven, motion)
+    return Passage(
+        end_mass=motion.positions[-1, 0],
+        least_depth=float(away[:, 2].min()),
+        greatest_depth=float(away[:, 2].max()),
+        least_distance=float(distance.min()),
+        greatest_distance=float(distance.max()),
+        greatest_tension=float(found.tensions.max()),
+        lowest=float(motion.positions[..., 2].min()),
+        slack=float(np.mean((found.tensions == 0.0).any(axis=1))),
+    )

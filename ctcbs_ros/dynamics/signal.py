@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicSpline, make_smoothing_spline
 
 from ctcbs_ros.errors import InputError
 
@@ -107,6 +107,33 @@ def spline(times, values, name: str = "value", periodic: bool = False) -> Signal
     values = _rows(values, len(times), name)
     found = CubicSpline(times, values, bc_type="periodic" if periodic else "not-a-knot")
     return Signal(times, np.ascontiguousarray(found.c[::-1]), np.empty(0))
+
+
+def smoothed(times, values, period: float, name: str = "value") -> Signal:
+    """The smoothing spline through noisy samples, twice continuously differentiable.
+
+    Parameters
+    ----------
+    times : (k,) array_like
+        Rising, at least 5.
+    values : (k, d) array_like
+    period : float
+        Of an oscillation that it lets pass by half; one n times as long is damped by 1/(1 + n^4).
+        0 for the cubic spline through all samples.
+    name : str
+        For the error.
+    """
+    if period == 0.0:
+        return spline(times, values, name)
+    times = _rising(times, name, least=5)
+    values = _rows(values, len(times), name)
+    # The least of sum |f - y|^2 + penalty * integral |f''|^2 answers a sine of the rate w with
+    # 1/(1 + penalty * interval * w^4).
+    penalty = (period / (2.0 * np.pi)) ** 4 / np.median(np.diff(times))
+    smooth = [make_smoothing_spline(times, v, lam=penalty)(times) for v in values.T]
+    found = CubicSpline(times, np.column_stack(smooth), bc_type="natural")  # the same spline
+    # A step over many knots would see of what noise is left only where its stages fall.
+    return Signal(times, np.ascontiguousarray(found.c[::-1]), times)
 
 
 def sampled(
