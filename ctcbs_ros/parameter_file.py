@@ -6,6 +6,8 @@ YAML 1.1: `2.0e9` is a number, `1:30` and `1_000` are text, `y` and `on` are tru
 """
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -55,21 +57,7 @@ def read_parameter_file(path: str | Path) -> dict[str, Any]:
         If the file cannot be read, is over 1 MB, not UTF-8, not YAML, has a key twice, or has
         anything but `/**:` with `ros__parameters:` at its top.
     """
-    try:
-        with open(path, "rb") as file:
-            raw = file.read(SIZE_LIMIT + 1)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    if len(raw) > SIZE_LIMIT:
-        raise InputError(f"{path}: larger than 1 MB: not a parameter file")
-    try:
-        text = raw.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from None
-
-    document = _parse(text, path)
+    document = _parse(_text_of(path), path)
     if document is None:
         raise InputError(f"{path}: empty: must hold '/**:', 'ros__parameters:' and parameters")
     for name in ("/**", "ros__parameters"):
@@ -83,6 +71,21 @@ def read_parameter_file(path: str | Path) -> dict[str, Any]:
     if not isinstance(document, dict):
         raise InputError(f"{path}: no parameters under 'ros__parameters:'")
     return document
+
+
+def require_yaml(path: str | Path) -> None:
+    """Refuse a file that ROS cannot read, which tells less about it.
+
+    It may hold the parameters of other nodes, too, and what is allowed there.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is over 1 MB, not UTF-8 or not YAML.
+    """
+    text = _text_of(path)
+    with _told(path):
+        yaml.compose(text, Loader=yaml.SafeLoader)
 
 
 def parameter_value(text: str, source: str) -> Any:
@@ -101,10 +104,33 @@ def _listed(names: dict[str, Any]) -> str:
     return shown + (", ..." if len(names) > 3 else "")
 
 
-def _parse(text: str, path: str | Path) -> Any:
+def _text_of(path: str | Path) -> str:
     try:
+        with open(path, "rb") as file:
+            raw = file.read(SIZE_LIMIT + 1)
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    if len(raw) > SIZE_LIMIT:
+        raise InputError(f"{path}: larger than 1 MB: not a parameter file")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text (byte {error.start})") from None
+
+
+def _parse(text: str, path: str | Path) -> Any:
+    with _told(path):
         root = yaml.compose(text, Loader=_Composer)
         return None if root is None else _value(root)
+
+
+@contextmanager
+def _told(path: str | Path) -> Iterator[None]:
+    """What is wrong with YAML as an InputError."""
+    try:
+        yield
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         raise InputError(

@@ -58,6 +58,10 @@ def ended(node):
     [
         ({"cable.length": -1.0}, "cable.length = -1.0: must be a number from 0.01"),
         ({"cable.length": 150}, "write 150.0"),
+        # Of these two ROS would take the file's value without a word.
+        ({"cable.length": "abc"}, "cable.length = 'abc': must be a number from 0.01"),
+        ({"publish_cable": 1}, "publish_cable = 1: must be true or false"),
+        ({"use_sim_time": 3}, "use_sim_time = 3: must be true or false"),
         ({"cable.lenght": 150.0}, "'cable.lenght': unknown parameter"),
         ({"mavlink.url": "absent.tlog"}, "log absent.tlog: cannot be read"),
         ({"mavlink.url": "udpin:127.0.0.1:0"}, "the port '0' is not a number from 1"),
@@ -80,8 +84,24 @@ def test_missing_parameter_file_or_parameters_are_refused_with_exit_2(tmp_path):
         assert "cable.length is missing" in node.output
     with RunningNode(tmp_path, configuration=tmp_path / "absent.yaml") as node:
         assert ended(node) == 2
-        assert "absent.yaml" in node.output.splitlines()[-1]
-        assert "Traceback" not in node.output
+        assert node.output == f"predictor: {tmp_path}/absent.yaml: no such file\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("/**:\n  ros__parameters:\n    cable: {length: 1.0\n", "line 4, column 1: not valid: "),
+        ("cable:\n  length: 1.0\n", "a parameter file holds '/**:', under it"),
+    ],
+)
+def test_parameter_file_that_is_none_is_refused_with_the_place(tmp_path, content, told):
+    file = tmp_path / "bad.yaml"
+    file.write_text(content)
+    with RunningNode(tmp_path, configuration=file) as node:
+        assert ended(node) == 2
+        (line,) = node.output.splitlines()
+        assert str(file) in line
+        assert told in line
 
 
 def test_node_without_ros_names_the_way_to_get_it(tmp_path):

@@ -124,8 +124,38 @@ def test_port_that_is_taken_is_refused():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
-        with pytest.raises(InputError, match=f"{port}.*in use"):
+        with pytest.raises(InputError, match=f"{port}.*another program listens on this port"):
             open_link(f"udpin:{port}")
+
+
+@pytest.mark.parametrize(
+    ("url", "number", "told"),
+    [
+        ("/dev/ttyACM0", errno.EACCES, "members of the device's group (often dialout)"),
+        ("/dev/ttyACM0", errno.EBUSY, "another program has this device"),
+        ("udpin:500", errno.EACCES, "ports from 1024 on need none"),
+        ("udpin:8.8.8.8:5000", errno.EADDRNOTAVAIL, "this machine does not have that address"),
+    ],
+)
+def test_link_that_the_system_refuses_is_told_with_what_to_do(monkeypatch, url, number, told):
+    def refused(*_):
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(transport, "serial_device", refused)
+    monkeypatch.setattr(transport, "UdpListener", refused)
+    with pytest.raises(InputError) as refusal:
+        open_link(url)
+    assert str(refusal.value).startswith(f"link {url!r} cannot be opened: ")
+    assert told in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("device", "told"),
+    [("/dev/ttyNONE", "there is no such device"), ("/dev/null", "it is not a serial device")],
+)
+def test_what_is_no_serial_device_is_told_to_be_none(device, told):
+    with pytest.raises(InputError, match=told):
+        open_link(device)
 
 
 def test_port_is_free_again_after_close():

@@ -38,6 +38,7 @@ def _run() -> int:
     from rclpy.utilities import remove_ros_args
 
     from ctcbs_ros.errors import InputError
+    from ctcbs_ros.nodes.arguments import FORM, check_arguments
     from ctcbs_ros.nodes.node import PredictorNode
 
     usage = argparse.ArgumentParser(
@@ -46,10 +47,14 @@ def _run() -> int:
         description="ROS 2 node that predicts the end mass of a towed cable from telemetry.",
     )
     try:
+        check_arguments(sys.argv)
         usage.parse_args(remove_ros_args(sys.argv)[1:])
         rclpy.init()
+    except InputError as error:
+        return _refuse(str(error))
     except RuntimeError as error:  # what rcl refuses: names, parameter files
-        return _refuse(str(error).partition(", at /")[0])  # the rest is a place in its source
+        reason = str(error).partition(", at /")[0]  # the rest is a place in its source
+        return _refuse(f"{reason}; {FORM}" if "params file" in reason else reason)
     node = None
     try:
         node = PredictorNode()

@@ -6,6 +6,8 @@ then ever less often. (pymavlink's own links share a taken UDP port silently, pr
 while they reconnect.)
 """
 
+import errno
+import os
 import select
 import socket
 import sys
@@ -329,9 +331,34 @@ def open_transport(url: str, baud: int) -> Transport:
         if scheme == "tcpin":
             return TcpServer(_address(url, rest, LOOPBACK))
         return serial_device(url, baud)
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"link {url!r} cannot be opened: {reason}; {ALLOWED}") from error
+        raise InputError(f"link {url!r} cannot be opened: {_reason(url, error)}") from error
+
+
+def _reason(url: str, error: Exception) -> str:
+    """Why a link cannot be opened, and what to do about it."""
+    is_device = url.partition(":")[0] not in SCHEMES
+    number = getattr(error, "errno", None)
+    if isinstance(error, socket.gaierror):
+        return f"no such host is known; {ALLOWED}"
+    if number == errno.EADDRINUSE:
+        return "another program listens on this port: end that one, or take another port"
+    if number == errno.EADDRNOTAVAIL:
+        return "this machine does not have that address; without HOST it is 127.0.0.1"
+    if number in (errno.EACCES, errno.EPERM):
+        if is_device:
+            return "no permission; members of the device's group (often dialout) have it"
+        return "no permission; ports from 1024 on need none"
+    if number == errno.ENOENT:
+        return f"there is no such device; {ALLOWED}"
+    if number == errno.EBUSY:
+        return "another program has this device"
+    reason = getattr(error, "strerror", None) or str(error)
+    if os.strerror(errno.ENOTTY) in reason:
+        reason = "it is not a serial device"
+    return f"{reason}; {ALLOWED}"
 
 
 def _address(url: str, rest: str, default_host: str = "") -> tuple[str, int]:
@@ -341,5 +368,7 @@ def _address(url: str, rest: str, default_host: str = "") -> tuple[str, int]:
     if not host or ":" in host:
         raise InputError(f"link {url!r}: {rest!r} is not HOST:PORT; {ALLOWED}")
     if not (port.isdecimal() and port.isascii() and 1 <= int(port) <= 65535):
-        raise InputError(f"link {url!r}: the port {port!r} is not a number from 1 to 65535")
+        raise InputError(
+            f"link {url!r}: the port {port!r} is not a number from 1 to 65535; {ALLOWED}"
+        )
     return socket.gethostbyname(host), int(port)
