@@ -79,6 +79,7 @@ def _parser() -> argparse.ArgumentParser:
         critical_drag,
         cusp,
         design,
+        entry,
         figures,
         orbit_study,
         pose_study,
@@ -98,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in (
         steady, branch, cusp, critical_drag, design, figures, table, replay, simulate,
-        simulate_cable, bench, orbit_study, wind_study, pose_study,
+        simulate_cable, entry, bench, orbit_study, wind_study, pose_study,
     ):  # fmt: skip
         command.add_parser(commands)
     return parser

@@ -11,15 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ctcbs_ros.cli.cable_units import units_and_parameters, vector
 from ctcbs_ros.cli.numbers import number
 from ctcbs_ros.cli.output import print_json
-from ctcbs_ros.cli.steady import add_flight, add_nondimensional, flight_from, parameters_from
-from ctcbs_ros.cli.steady import refuse_flight as refuse
+from ctcbs_ros.cli.steady import add_flight, add_nondimensional
 from ctcbs_ros.cli.tow_path import read_csv, read_tow_path
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.files import atomic_file, writable
 
-_DEFAULT_ELASTICITY = 600.0
 _A_PERIOD = 64  # states given in an orbit
 _SMOOTH = 0.5  # orbits that a change of wind or length takes to begin and to end
 
@@ -90,7 +89,11 @@ def run(args) -> int:
     if args.output:
         writable(args.output)
     path = _path(args)
-    units, parameters = _problem(args, path)
+    if path is not None and args.config is not None:
+        _units_of_track(args, path)
+    elif path is not None and path.smooth > 0.0:
+        raise InputError("--track: a log is in SI, --config is needed")
+    units, parameters = units_and_parameters(args)
     line = line_of(parameters, args.drag_at == "nodes")
     period = 2.0 * pi
     tow, first, last = _tow(args, units, path, period)
@@ -133,31 +136,6 @@ def _path(args):
     return None
 
 
-def _problem(args, path):
-    """Units of what is given and printed, and the parameters."""
-    if args.config is not None:
-        if path is not None:
-            _units_of_track(args, path)
-        flight = flight_from(args)
-        units = {
-            "length": flight.radius, "time": 1.0 / flight.angular_rate,
-            "mass": flight.mass_per_length * flight.radius,
-            "names": {"length": "m", "time": "s", "mass": "kg", "tension": "N"},
-        }  # fmt: skip
-        return units, flight.parameters
-    if path is not None and path.smooth > 0.0:
-        raise InputError("--track: a log is in SI, --config is needed")
-    refuse(args)
-    parameters = parameters_from(args)
-    if args.elasticity is None and args.vibration_elasticity is None:
-        parameters = replace(parameters, elasticity=_DEFAULT_ELASTICITY)
-    units = {
-        "length": 1.0, "time": 1.0, "mass": 1.0,
-        "names": {"length": "a", "time": "1/Omega", "mass": "mu a", "tension": "mu a^2 Omega^2"},
-    }  # fmt: skip
-    return units, parameters
-
-
 def _units_of_track(args, path):
     """On a track radius and speed are but units: those of the cable and of the track."""
     from ctcbs_ros.configuration import load_configuration
@@ -191,7 +169,7 @@ def _wind(args, units, path, tow, first, last, period):
         if path is None or not path.wind_times.size:
             raise InputError("--wind log: only with a --track whose autopilot tells the wind")
         times, values = path.wind_times, path.wind
-    elif (numbers := _vector(args.wind)) is not None:
+    elif (numbers := vector(args.wind, "--wind")) is not None:
         times = np.array([first, first + period]) * units["time"]
         values = np.stack([np.zeros(3), numbers])
     elif Path(args.wind).exists():
@@ -209,17 +187,6 @@ def _wind(args, units, path, tow, first, last, period):
     if len(values) == 1:
         times, values = times + np.array([0.0, 1.0]), np.repeat(values, 2, axis=0)
     return linear(times / units["time"], values, "--wind")
-
-
-def _vector(text):
-    """Three numbers of a text, or None where it holds no numbers."""
-    try:
-        given = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        return None
-    if given.size not in (2, 3) or not np.all(np.isfinite(given)):
-        raise InputError(f"--wind {text}: two or three numbers are needed, X,Y[,Z]")
-    return np.concatenate([given, np.zeros(3 - given.size)])
 
 
 def _start(args, units, parameters, line, driven, first):
@@ -297,7 +264,7 @@ def _steady(args, units, parameters):
 
 
 def _in_units(result, units):
-    force = units["mass"] * units["length"] / units["time"] ** 2
+    force = units["force"]
     plain = ("settled", "slack", "phase_lag", "orbits")
     scaled = {}
     for key, value in result.items():
@@ -312,7 +279,7 @@ def _in_units(result, units):
 def _write(file, line, driven, motion, units):
     from ctcbs_ros.dynamics.loads import loads
 
-    force = units["mass"] * units["length"] / units["time"] ** 2
+    force = units["force"]
     tensions = loads(line, driven, motion).tensions * force
     with atomic_file(file) as handle:
         writer = csv.writer(handle)
