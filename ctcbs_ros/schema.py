@@ -234,7 +234,7 @@ def checked_parameters(mapping: Mapping[str, Any], source: str) -> dict[str, Any
     }
     unknown = next((key for key in given if key not in BY_KEY), None)
     if unknown is not None:
-        raise InputError(f"{source}: {shown(unknown)}: {_why_unknown(unknown)}")
+        raise InputError(f"{source}: {shown(unknown)}: {why_unknown(unknown)}")
     checked = {}
     for spec in PARAMETERS:
         if spec.key in given:
@@ -272,7 +272,7 @@ def with_settings(
         if not (key and equals):
             raise InputError(f"--set {shown(setting)}: must be KEY=VALUE, as cable.length=1200")
         if key not in BY_KEY:
-            raise InputError(f"--set {shown(key)}: {_why_unknown(key)}")
+            raise InputError(f"--set {shown(key)}: {why_unknown(key)}")
         if key in changed:
             raise InputError(f"--set {key}: given twice")
         changed.add(key)
@@ -303,7 +303,7 @@ def _flattened(mapping: Mapping[str, Any], source: str, prefix: str) -> dict[str
     return flat
 
 
-def _why_unknown(key: str) -> str:
+def why_unknown(key: str) -> str:
     inside = [known for known in BY_KEY if known.startswith(f"{key}.")]
     if inside:
         return f"not a parameter but a group: must hold {', '.join(inside)}"

@@ -173,7 +173,8 @@ def change(node, name, value):
     ("name", "value", "reason"),
     [
         ("cable.length", -1.0, "cable.length"),
-        ("cable.length", float("nan"), "cable.length out of range"),
+        ("cable.length", float("nan"), "cable.length = nan: must be a number from 0.01"),
+        ("cable.lenght", 100.0, "unknown parameter (did you mean cable.length?)"),
         # 400 N hold 40 kg, see config/small_drone.yaml
         ("end_mass.mass", 60.0, "cable.breaking_tension = 400.0: must be greater than the weight"),
         ("cable.diameter", 0.001, "read-only"),
@@ -183,13 +184,17 @@ def test_change_that_is_not_allowed_is_rejected_with_the_reason(idle_node, name,
     result = change(idle_node, name, value)
     assert not result.successful
     assert reason in result.reason
+    idle_node.wait_until(lambda: f"change refused: {result.reason}" in idle_node.output)
 
 
-def test_allowed_change_is_taken_over(idle_node):
+def test_allowed_change_is_taken_over_and_logged(idle_node):
     assert change(idle_node, "limits.minimum_height", 35.0).successful
     request = GetParameters.Request(names=["limits.minimum_height"])
     (value,) = idle_node.call(GetParameters, "/tow/mass/get_parameters", request).values
     assert value.double_value == 35.0
+    told = "limits.minimum_height changed from 20.0 to 35.0"
+    idle_node.wait_until(lambda: told in idle_node.output)
+    assert idle_node.output.count(" changed from ") == 1
 
 
 def test_without_telemetry_all_diagnostics_are_errors_by_the_names_of_the_node(idle_node):

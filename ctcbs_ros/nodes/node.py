@@ -21,15 +21,17 @@ from sensor_msgs.msg import NavSatFix
 from ctcbs_ros.configuration import Configuration, configuration_from_mapping
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.nodes.diagnostics import Monitor
+from ctcbs_ros.nodes.journal import Journal
 from ctcbs_ros.nodes.log_pump import LogPump
 from ctcbs_ros.nodes.outputs import Outputs
 from ctcbs_ros.nodes.parameters import declare_parameters
+from ctcbs_ros.orbit.segments import LEAST_TURNS
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import Record, altitude_reference
 from ctcbs_ros.prediction.warm_up import spare_collector, warm_up
 from ctcbs_ros.replay.summary import Summary, source_counts
-from ctcbs_ros.schema import BY_KEY
+from ctcbs_ros.schema import BY_KEY, why_unknown
 from ctcbs_ros.table import table_for
 from ctcbs_ros.telemetry.link import Vehicle
 from ctcbs_ros.telemetry.live import LiveSource
@@ -68,6 +70,7 @@ class PredictorNode(Node):
         configuration = self._configuration(self._values)
         self.finished = Future()
         self._monitor = Monitor()
+        self._journal = Journal(self.get_logger())
         self._last_sample_at = None
         self._log: LogSource | None = None
         self._log_summary: Summary | None = None
@@ -150,6 +153,7 @@ class PredictorNode(Node):
 
     def _poll(self) -> None:
         self._name_vehicle()
+        self._journal.link(self._live.state())
         until = time.monotonic() + POLL_TIME
         while (sample := self._live.take()) is not None:
             self._take(sample)
@@ -170,6 +174,7 @@ class PredictorNode(Node):
         self._last_sample_at = self.get_clock().now()
         prediction = self._predictor.update(sample)
         self._monitor.add(prediction)
+        self._journal.add(prediction)
         self._outputs.publish(
             prediction, self._predictor.datum, self._values["limits.stale_after"]
         )
@@ -185,7 +190,8 @@ class PredictorNode(Node):
         self._outputs.publish_summary(summary)
         self.get_logger().info(
             f"end of the log: {summary['predictions']} predictions from "
-            f"{summary['samples']} samples, {len(summary['orbits'])} orbits"
+            f"{summary['samples']} samples; orbits of {LEAST_TURNS:g} turns or more: "
+            f"{len(summary['orbits'])}"
         )
 
     def _finish(self) -> None:
@@ -222,6 +228,8 @@ class PredictorNode(Node):
         else:
             since = self.get_clock().now() - self._last_sample_at
             warning = self._predictor.stale(since.nanoseconds / 1e9)
+        if self._live is None or self._last_sample_at is not None:
+            self._journal.silence(warning)
         if warning is not None and self._live is not None:
             return replace(warning, text=f"{warning.text}; link {self._live.state()}")
         return warning
@@ -263,6 +271,35 @@ class PredictorNode(Node):
 
     def _changed(self, parameters: list[Parameter]) -> dict[str, Any]:
         return self._values | {p.name: p.value for p in parameters if p.name in BY_KEY}
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters as ROS does; a refusal says what is allowed, and is logged."""
+        before = self._values
+        result = self._refused(parameter_list) or super().set_parameters_atomically(parameter_list)
+        if not result.successful:
+            self.get_logger().warning(f"change refused: {result.reason}")
+        for name in {parameter.name for parameter in parameter_list} & set(BY_KEY):
+            value = self._values[name]
+            if result.successful and value != before[name]:
+                self.get_logger().info(f"{name} changed from {before[name]} to {value}")
+        return result
+
+    def _refused(self, parameters: list[Parameter]) -> SetParametersResult | None:
+        """What the table of parameters refuses, in better words than ROS's own."""
+        source = f"parameters of {self.get_fully_qualified_name()}"
+        reason = ""
+        for parameter in parameters:
+            spec, name = BY_KEY.get(parameter.name), parameter.name
+            if spec is None and not self.has_parameter(name):
+                reason = f"{source}: {name}: {why_unknown(name)}"
+            elif spec is not None and not spec.runtime:
+                reason = f"{source}: {name} is read-only: set it and start the node again"
+            elif spec is not None:
+                try:
+                    spec.check(parameter.value, source)
+                except InputError as error:
+                    reason = str(error)
+        return SetParametersResult(successful=False, reason=reason) if reason else None
 
     def _check_change(self, parameters: list[Parameter]) -> SetParametersResult:
         try:

@@ -1,0 +1,139 @@
+"""What is worth a line in the node's log: changes of link, orbit and warnings, each told once.
+
+Figures and counts are for /diagnostics; the log is read to learn what happened, and when. What
+comes and goes quickly is told once: a warning is over, an orbit left, a link lost only after a
+while. The flight's own clock tells the while, so that a flight replayed fast is told alike.
+"""
+
+import time
+from collections.abc import Callable
+
+from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
+from ctcbs_ros.prediction.prediction import Prediction
+from ctcbs_ros.prediction.record import sense_name
+from ctcbs_ros.replay.text import SENSES
+
+# Time off any orbit until it counts as left, and without a warning until that is over [s].
+LEFT = 2.0
+OVER = 5.0
+# Time for which trouble with a link has to last, and between two lines about it [s].
+TROUBLE = 1.5
+LINK_LINES = 5.0
+# Told as events, which end by themselves; and NOT_ORBITING as the orbit that was left.
+EVENTS = (WarningCode.JUMPED, WarningCode.STALE_TELEMETRY)
+# Of what is flown: over, without saying so, where the orbit is left.
+TELEMETRY = (WarningCode.BAD_FIX, WarningCode.STALE_TELEMETRY)
+
+
+class Journal:
+    """Writes the log of a node.
+
+    Parameters
+    ----------
+    logger : rclpy logger
+        Or anything with `info`, `warning` and `error`.
+    clock : callable
+        Seconds of a clock that does not jump.
+    """
+
+    def __init__(self, logger, clock: Callable[[], float] = time.monotonic):
+        self._logger = logger
+        self._clock = clock
+        self._silent = False
+        # Vehicle clock of the newest orbit; None where there is none, or it was told to be left.
+        self._orbit_at: float | None = None
+        # Vehicle clock of each warning that stands: its first time and its newest.
+        self._standing: dict[WarningCode, tuple[float, float]] = {}
+        self._flight: int | None = None
+        self._link = self._link_told = ""
+        self._link_since = self._link_told_at = clock() - LINK_LINES
+
+    # --- predictions ----------------------------------------------------------------------------
+
+    def add(self, prediction: Prediction) -> None:
+        """Take in the prediction of one more sample."""
+        self._begin_flight(prediction)
+        known = {WarningCode.NOT_ORBITING}
+        if prediction.skip is None:
+            if self._silent:
+                self._silent = False
+                self._logger.info("positions come in")
+                known.add(WarningCode.STALE_TELEMETRY)
+            self._follow_orbit(prediction)
+        for warning in prediction.warnings:
+            if warning.code not in known:
+                self._tell(warning, prediction.time)
+        self._end_warnings(prediction.time)
+
+    def _begin_flight(self, prediction: Prediction) -> None:
+        if self._flight not in (None, prediction.flight):
+            self._logger.info("a new flight: the vehicle's clock has begun anew")
+        if self._flight != prediction.flight:
+            self._flight, self._orbit_at = prediction.flight, None
+            self._standing.clear()
+
+    def _tell(self, warning: Warning, now: float) -> None:
+        first, _ = self._standing.get(warning.code, (now, now))
+        if warning.code not in self._standing:
+            text = f"{warning.code.value}: {warning.text}"
+            if warning.level is Level.ERROR:  # rclpy wants one severity for each line that logs
+                self._logger.error(text)
+            else:
+                self._logger.warning(text)
+        self._standing[warning.code] = first, now
+
+    def _end_warnings(self, now: float) -> None:
+        for code, (first, newest) in list(self._standing.items()):
+            if now - newest > OVER or now < newest:
+                del self._standing[code]
+                if code not in EVENTS:
+                    self._logger.info(f"{code.value} is over, after {newest - first:.0f} s")
+
+    def _follow_orbit(self, prediction: Prediction) -> None:
+        if prediction.orbit is not None:
+            if self._orbit_at is None:
+                self._logger.info(_orbit_told(prediction))
+            self._orbit_at = prediction.time
+        elif self._orbit_at is not None and prediction.time - self._orbit_at > LEFT:
+            self._orbit_at = None
+            reasons = [w.text for w in prediction.warnings if w.code is WarningCode.NOT_ORBITING]
+            self._logger.info("; ".join(["orbit left", *reasons]))
+            for code in [code for code in self._standing if code not in TELEMETRY]:
+                del self._standing[code]
+
+    # --- the source -----------------------------------------------------------------------------
+
+    def silence(self, warning: Warning | None) -> None:
+        """Take in whether positions fail to come; told when that begins."""
+        if warning is not None and not self._silent:
+            self._silent = True
+            self._logger.warning(f"{warning.code.value}: {warning.text}")
+
+    def link(self, state: str) -> None:
+        """Take in the state of a live link, see `LiveSource.state`."""
+        kind, now = state.partition(" for ")[0], self._clock()
+        if kind != self._link:
+            self._link, self._link_since = kind, now
+        if kind == self._link_told or now - self._link_told_at < LINK_LINES:
+            return
+        if kind.startswith("up: "):
+            self._logger.info(f"link: {state}")
+        elif now - self._link_since > TROUBLE:
+            self._logger.warning(f"link: {state}")
+        else:
+            return
+        self._link_told, self._link_told_at = kind, now
+
+
+def _orbit_told(prediction: Prediction) -> str:
+    orbit, end_mass = prediction.orbit, prediction.end_mass
+    text = (
+        f"orbit: radius {orbit.radius:.1f} m, {orbit.speed:.1f} m/s over the ground, "
+        f"{SENSES[sense_name(orbit.sense)]}"
+    )
+    if end_mass is None:
+        return f"{text}; no prediction"
+    return (
+        f"{text}; end mass predicted on a circle of {end_mass.state.radius:.1f} m, "
+        f"{end_mass.state.depth:.1f} m below, once settled ({end_mass.settling_time:.0f} s)"
+    )
