@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import cos, radians
+from math import cos, hypot, radians, tan
 
 import pymap3d
 import pymap3d.rcurve
@@ -11,6 +11,8 @@ _WGS84 = pymap3d.Ellipsoid.from_name("wgs84")
 # A position on Earth has been found when it is off by no more than this [m].
 _FOUND = 1e-7
 _ITERATIONS = 6
+# Change of the local frame's axes a metre, with a margin [rad/m].
+_CURVED = 2.0 / 6.4e6
 
 
 @dataclass(frozen=True)
@@ -81,21 +83,24 @@ def to_geodetic(datum: Datum, east, north, up):
 def point_to_geodetic(
     datum: Datum, east: float, north: float, up: float
 ) -> tuple[float, float, float]:
-    """`to_geodetic` of a single point, four times as fast: by Newton's method on `to_enu`.
+    """`to_geodetic` of a single point, six times as fast: by Newton's method on `to_enu`.
 
-    Within kilometres of the datum three steps do; far away and at the poles `to_geodetic` does.
+    Within hundreds of metres of the datum one step does; far away and at the poles `to_geodetic`.
     """
     of_north, of_east = _degrees_a_metre(datum.latitude)
     latitude = datum.latitude + of_north * north
     longitude, altitude = datum.longitude + of_east * east, datum.altitude + up
+    # The derivatives are those at the datum's foot: what a step leaves is this part of it at most.
+    away = hypot(east, north, up) + abs(datum.altitude)
+    left = _CURVED * away * (1.0 + abs(tan(radians(datum.latitude))))
     for _ in range(_ITERATIONS):
         there = to_enu(datum, latitude, longitude, altitude)
         off = east - there[0], north - there[1], up - there[2]
-        if max(map(abs, off)) < _FOUND and abs(latitude) <= 90.0:
-            return float(latitude), float((longitude + 180.0) % 360.0 - 180.0), float(altitude)
         longitude += of_east * off[0]
         latitude += of_north * off[1]
         altitude += off[2]
+        if left * max(map(abs, off)) < _FOUND and left < 1.0 and abs(latitude) <= 90.0:
+            return float(latitude), float((longitude + 180.0) % 360.0 - 180.0), float(altitude)
     latitude, longitude, altitude = to_geodetic(datum, east, north, up)
     return float(latitude), float(longitude), float(altitude)
 

@@ -1,14 +1,14 @@
 """A circle through noisy positions with velocities along it, by robust least squares."""
 
 import numpy as np
-from numba import njit
 
+from ctcbs_ros.kernels.compiled import kernel
 from ctcbs_ros.kernels.regression import invert_normal
 
 _ITERATIONS = 30
 
 
-@njit(cache=True)
+@kernel
 def refine_circle(
     points, velocities, age, position_sigma, velocity_sigma, huber, most_late, circle, radial,
     along, weight, inverse,
@@ -110,7 +110,7 @@ def refine_circle(
     return late, False
 
 
-@njit(cache=True)
+@kernel
 def _add(normal, right, row, residual, sigma, huber):
     """Add one residual to the normal equations; its weight is returned."""
     weight = min(1.0, huber / max(abs(residual / sigma), 1e-12)) / (sigma * sigma)
@@ -122,7 +122,7 @@ def _add(normal, right, row, residual, sigma, huber):
     return weight
 
 
-@njit(cache=True)
+@kernel
 def _lateness(points, velocities, age, position_sigma, velocity_sigma, most_late, circle):
     """By how much the velocities' deviations are taken larger than stated; 1 if they are not."""
     off = np.empty(points.shape[0])
@@ -144,7 +144,7 @@ def _lateness(points, velocities, age, position_sigma, velocity_sigma, most_late
     return max(1.0, np.median(off[:count]) / most_late) if count > 0 else 1.0
 
 
-@njit(cache=True)
+@kernel
 def scatter(values):
     """Standard deviation of white noise on a smooth course of values, from second differences.
 

@@ -1,14 +1,14 @@
 """The angle about the centre of a circle: its course in time, and what it says of the flight."""
 
 import numpy as np
-from numba import njit
 
+from ctcbs_ros.kernels.compiled import kernel
 from ctcbs_ros.kernels.regression import least_squares
 
 _TURN = 2.0 * np.pi
 
 
-@njit(cache=True)
+@kernel
 def continuous_angles(points, center_east, center_north, time, rate, angle):
     """Angle about the centre, carried across gaps at the last known rate [rad/s], 0 if none.
 
@@ -27,7 +27,7 @@ def continuous_angles(points, center_east, center_north, time, rate, angle):
         before = raw
 
 
-@njit(cache=True)
+@kernel
 def newest_offset(radial, angle, reach):
     """Median distance from the circle over the newest part of the track, and its samples.
 
@@ -43,7 +43,7 @@ def newest_offset(radial, angle, reach):
     return np.median(part[:count]), count
 
 
-@njit(cache=True)
+@kernel
 def progress(radial, angle, time, sense, arc, believed, quiet):
     """How steadily the track goes round.
 
@@ -98,7 +98,7 @@ def progress(radial, angle, time, sense, arc, believed, quiet):
     return back / count, newest, broken
 
 
-@njit(cache=True)
+@kernel
 def mean_rate(time, angle, sigma, with_harmonic, operator):
     """Mean angular rate and its variance, of the angle against time.
 
@@ -144,7 +144,7 @@ def mean_rate(time, angle, sigma, with_harmonic, operator):
     return solution[1] / span, max(1.0, squares / max(n - k, 1))
 
 
-@njit(cache=True)
+@kernel
 def newest_phase(time, angle, sigma, reach, operator):
     """Angle at the newest sample, from a line through the newest part of the turn.
 

@@ -1,10 +1,11 @@
 """What the samples' errors, white and correlated in time, leave in a fitted circle."""
 
 import numpy as np
-from numba import njit
+
+from ctcbs_ros.kernels.compiled import kernel
 
 
-@njit(cache=True)
+@kernel
 def propagate(
     points, velocities, age, circle, weight, inverse, operators, position_variance,
     velocity_variance, correlated_sigma, correlation_time, covariance,

@@ -1,16 +1,16 @@
 """The samples' errors, as stated and as their distances from a fitted circle show them."""
 
 import numpy as np
-from numba import njit
 
 from ctcbs_ros.kernels.circle import scatter
+from ctcbs_ros.kernels.compiled import kernel
 from ctcbs_ros.kernels.regression import correlated_form, line
 
 # Mean of Huber's weight times squared residual over the mean weight, for normal errors.
 _HUBER_VARIANCE = 0.856
 
 
-@njit(cache=True)
+@kernel
 def white_scatter(radial, along, velocities, radius, position_sigma, velocity_sigma, noisier):
     """White errors seen from sample to sample, whatever the shape of the track.
 
@@ -48,7 +48,7 @@ def white_scatter(radial, along, velocities, radius, position_sigma, velocity_si
     return position, max(scatter(along) / max(np.sqrt(expected / known), 1e-9), 1.0)
 
 
-@njit(cache=True)
+@kernel
 def larger_rms(one, two, three):
     """Root mean square of the larger of `one` and the root of the squares of `two` and `three`.
 
@@ -60,7 +60,7 @@ def larger_rms(one, two, three):
     return np.sqrt(total / one.shape[0])
 
 
-@njit(cache=True)
+@kernel
 def clipped_rms(values, most):
     """Root mean square of values (n,), each counted as `most` where it is larger."""
     total = 0.0
@@ -69,7 +69,7 @@ def clipped_rms(values, most):
     return np.sqrt(total / values.shape[0])
 
 
-@njit(cache=True)
+@kernel
 def shown_variances(
     radial, along, weight, velocities, radius, late, age, white_sigma, correlated_sigma,
     correlation_time, stated, least_velocity_sigma, position_variance, velocity_variance,
@@ -136,7 +136,7 @@ def shown_variances(
     return seen, expected
 
 
-@njit(cache=True)
+@kernel
 def height_and_climb(age, up, white_sigma, correlated_sigma, correlation_time, covariance):
     """Height at the newest sample and climb rate.
 

@@ -1,14 +1,14 @@
 """Whether the radius of a fitted circle changes: a spiral's growth, and how well it is known."""
 
 import numpy as np
-from numba import njit
 
+from ctcbs_ros.kernels.compiled import kernel
 from ctcbs_ros.kernels.regression import least_squares
 
 _TURN = 2.0 * np.pi
 
 
-@njit(cache=True)
+@kernel
 def widening(
     points, velocities, age, circle, drifts, angle, radial, along, weight, correlated_sigma,
     correlation_time,

@@ -11,15 +11,15 @@ the trace.
 """
 
 import numpy as np
-from numba import njit
 
+from ctcbs_ros.kernels.compiled import kernel
 from ctcbs_ros.kernels.search import MAX_STEPS
 from ctcbs_ros.kernels.trajectory import N_THETA, OK, X_D, G, integrate
 
 LEFT_RANGE, CLOSED, FULL, LOST = range(4)
 
 
-@njit(cache=True)
+@kernel
 def slope_over_length(state, g, length):
     """Return dh/d ln(length): a longer cable goes on along its tension, stretched.
 
@@ -30,7 +30,7 @@ def slope_over_length(state, g, length):
     return 2.0 * (x * fx + y * fy) * (1.0 / p + g) * length
 
 
-@njit(cache=True)
+@kernel
 def level(theta, exponents, length, length_exponent, tau, u, tolerance, states, mesh):
     """Return h, dh/du, dh/dtau and the status of the integration.
 
@@ -57,7 +57,7 @@ def level(theta, exponents, length, length_exponent, tau, u, tolerance, states, 
     return h, h_u, h_tau, status
 
 
-@njit(cache=True)
+@kernel
 def project(theta, exponents, length, length_exponent, tau, u, tolerance, states, mesh):
     """Correct a point onto the level set along the gradient (Gauss-Newton).
 
@@ -83,7 +83,7 @@ def project(theta, exponents, length, length_exponent, tau, u, tolerance, states
     return tau, u, h_u, h_tau, moved, False
 
 
-@njit(cache=True)
+@kernel
 def trace(
     theta, exponents, length, length_exponent, u, direction, tau_low, tau_high, tolerance, points
 ):
@@ -156,7 +156,7 @@ def trace(
     return FULL, count
 
 
-@njit(cache=True)
+@kernel
 def zero_between(theta, exponents, length, length_exponent, tolerance, points, column):
     """Locate where one component of the gradient vanishes between two points of a trace.
 
@@ -211,13 +211,13 @@ def zero_between(theta, exponents, length, length_exponent, tolerance, points, c
     return tau, u, False
 
 
-@njit(cache=True)
+@kernel
 def fold(theta, exponents, length, length_exponent, tolerance, points):
     """Locate the fold h = 0, dh/du = 0 between two neighbours of a trace; see `zero_between`."""
     return zero_between(theta, exponents, length, length_exponent, tolerance, points, 2)
 
 
-@njit(cache=True)
+@kernel
 def correct_fold(theta, exponents, length, length_exponent, tau, u, tolerance):
     """Newton's method for a fold, h = dh/du = 0, from a guess near it.
 

@@ -7,8 +7,8 @@ is the residual.
 """
 
 import numpy as np
-from numba import njit
 
+from ctcbs_ros.kernels.compiled import kernel
 from ctcbs_ros.kernels.search import MAX_STEPS, tow_circle
 from ctcbs_ros.kernels.trajectory import OK, X_D, integrate_halved
 
@@ -29,7 +29,7 @@ U, MISS, SLOPE, LEAST_TENSION, GREATEST_TENSION, X, Y, Z, F_X, F_Y, F_Z = range(
 N_OUT = 11
 
 
-@njit(cache=True)
+@kernel
 def correct(theta, length, u, max_step, out):
     """Correct a guess by Newton's method and describe the state it leads to.
 
@@ -73,7 +73,7 @@ def correct(theta, length, u, max_step, out):
     return False
 
 
-@njit(cache=True)
+@kernel
 def describe(theta, length, u, out):
     """Describe the state at u as it is, whether or not it fulfils the tow-circle condition.
 
@@ -102,7 +102,7 @@ def describe(theta, length, u, out):
     )
 
 
-@njit(cache=True)
+@kernel
 def _check(theta, length, u, slope, least, steps, mesh, out):
     """Integrate over the halved steps of a mesh into `out`; return whether the residual is met."""
     theta[X_D] = np.exp(u)
@@ -113,7 +113,7 @@ def _check(theta, length, u, slope, least, steps, mesh, out):
     return abs(out[MISS]) < RESIDUAL_LIMIT
 
 
-@njit(cache=True)
+@kernel
 def _mend(theta, length, out, states, mesh):
     """Correct a state whose residual is not met with smaller steps, where it is nearly right.
 

@@ -6,8 +6,8 @@ there; its height and dh/dtau foretell whether it does beside the cut.
 """
 
 import numpy as np
-from numba import njit
 
+from ctcbs_ros.kernels.compiled import kernel
 from ctcbs_ros.kernels.continuation import level
 from ctcbs_ros.kernels.search import MAX_STEPS, largest_radius, smallest_radius
 from ctcbs_ros.kernels.trajectory import N_THETA, OK
@@ -15,7 +15,7 @@ from ctcbs_ros.kernels.trajectory import N_THETA, OK
 _CELLS = 10
 
 
-@njit(cache=True)
+@kernel
 def local_extrema(theta, exponents, length, length_exponent, tau, tolerance, found):
     """Find the local extrema of h(u) on one cut.
 

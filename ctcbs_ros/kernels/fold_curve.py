@@ -11,8 +11,8 @@ such by arc length; so is any curve h = g = 0 of which g and its gradient are kn
 """
 
 import numpy as np
-from numba import njit
 
+from ctcbs_ros.kernels.compiled import kernel
 from ctcbs_ros.kernels.continuation import CLOSED, FULL, LEFT_RANGE, LOST, slope_over_length
 from ctcbs_ros.kernels.search import MAX_STEPS
 from ctcbs_ros.kernels.trajectory import N_THETA, OK, X_D, G, integrate
@@ -21,7 +21,7 @@ from ctcbs_ros.kernels.trajectory import N_THETA, OK, X_D, G, integrate
 _DIFFERENCE = 3e-4
 
 
-@njit(cache=True)
+@kernel
 def surface(theta, exponents, length, length_exponents, z, tolerance, states, mesh, out):
     """Write h and its derivatives by tau, delta and u to `out`, (4,); return the status.
 
@@ -53,7 +53,7 @@ def surface(theta, exponents, length, length_exponents, z, tolerance, states, me
     return status
 
 
-@njit(cache=True)
+@kernel
 def fold_equations(
     theta, exponents, length, length_exponents, z, tolerance, states, mesh, jacobian
 ):
@@ -84,7 +84,7 @@ def fold_equations(
     return here[0], here[3], status
 
 
-@njit(cache=True)
+@kernel
 def correct_fold(theta, exponents, length, length_exponents, z, tolerance, states, mesh, jacobian):
     """Correct z, (3,), in place onto the fold curve by the shortest Newton steps.
 
@@ -125,7 +125,7 @@ def correct_fold(theta, exponents, length, length_exponents, z, tolerance, state
     return moved, False
 
 
-@njit(cache=True)
+@kernel
 def tangent_of(jacobian, tangent):
     """Write the unit vector along the curve, (3,): the cross product of both gradients."""
     tangent[0] = jacobian[0, 1] * jacobian[1, 2] - jacobian[0, 2] * jacobian[1, 1]
@@ -137,7 +137,7 @@ def tangent_of(jacobian, tangent):
     return size
 
 
-@njit(cache=True)
+@kernel
 def trace_folds(
     theta, exponents, length, length_exponents, start, direction, low, high, tolerance, points
 ):
@@ -216,7 +216,7 @@ def trace_folds(
     return FULL, count
 
 
-@njit(cache=True)
+@kernel
 def correct_cusp(theta, exponents, length, length_exponents, z, tolerance, states, mesh):
     """Newton's method for a cusp, h = h_u = h_uu = 0, from z, (3,), changed in place.
 

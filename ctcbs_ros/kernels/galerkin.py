@@ -17,12 +17,12 @@ a smaller number are the first ones of a larger: so are their matrices.
 """
 
 import numpy as np
-from numba import njit
 
+from ctcbs_ros.kernels.compiled import kernel
 from ctcbs_ros.kernels.trajectory import D_N, OMEGA, X_D, D, M
 
 
-@njit(cache=True)
+@kernel
 def basis(n, length, nodes, value, slope):
     """Values and slopes of the n functions at the nodes; the first one is 1 at s = 0, others 0.
 
@@ -42,7 +42,7 @@ def basis(n, length, nodes, value, slope):
             before, now = now, after
 
 
-@njit(cache=True)
+@kernel
 def local_matrices(
     theta, gamma, elastic, damping, state, b_rate, b_position, b_slope, stiffness, rub
 ):
@@ -94,7 +94,7 @@ def local_matrices(
         b_position[i, 2] = 0.0
 
 
-@njit(cache=True)
+@kernel
 def assemble(theta, length, gamma, elastic, damping, n, nodes, weights, states):
     """First-order matrix of the vibration in n functions a coordinate.
 

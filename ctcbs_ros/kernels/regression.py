@@ -5,13 +5,14 @@ accuracy that telemetry has.
 """
 
 import numpy as np
-from numba import njit
+
+from ctcbs_ros.kernels.compiled import kernel
 
 # A pivot this small beside its diagonal: the columns depend on each other.
 _DEPENDENT = 1e-13
 
 
-@njit(cache=True)
+@kernel
 def invert_normal(normal, inverse):
     """Invert a symmetric positive definite matrix by Cholesky's method.
 
@@ -49,7 +50,7 @@ def invert_normal(normal, inverse):
     return True
 
 
-@njit(cache=True)
+@kernel
 def least_squares(design, y, weight, solution, inverse):
     """Minimise the sum of weight (y - design solution)^2.
 
@@ -95,7 +96,7 @@ def least_squares(design, y, weight, solution, inverse):
     return squares, True
 
 
-@njit(cache=True)
+@kernel
 def line(x, y, weight):
     """Weighted straight line.
 
@@ -129,7 +130,7 @@ def line(x, y, weight):
     return y_mean - slope * x_mean, slope, of_zero, by_slope, squares
 
 
-@njit(cache=True)
+@kernel
 def correlated_form(gain, time, correlation_time, form):
     """Covariance of linear combinations of a first-order Gauss-Markov error of unit variance.
 

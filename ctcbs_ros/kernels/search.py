@@ -10,8 +10,8 @@ so that two roots about to merge (a fold) are told from none.
 """
 
 import numpy as np
-from numba import njit
 
+from ctcbs_ros.kernels.compiled import kernel
 from ctcbs_ros.kernels.trajectory import N_THETA, OK, OMEGA, RHO, X_D, D, G, M, W, integrate
 
 MAX_STEPS = 6000
@@ -22,7 +22,7 @@ MOST_WORK = 400_000
 MAX_STRAIN = 3.0
 
 
-@njit(cache=True)
+@kernel
 def tow_circle(theta, length, u, tolerance, states, mesh):
     """Evaluate the tow-circle condition at ln(end-mass radius) u.
 
@@ -56,7 +56,7 @@ def tow_circle(theta, length, u, tolerance, states, mesh):
     return h, slope, status, steps, least
 
 
-@njit(cache=True)
+@kernel
 def largest_radius(theta, length):
     """Bound the end-mass radius: one cable length, stretched, beyond the tow circle."""
     o2 = theta[OMEGA] ** 2
@@ -74,7 +74,7 @@ def largest_radius(theta, length):
     return x
 
 
-@njit(cache=True)
+@kernel
 def smallest_radius(theta, length, tolerance, states, mesh):
     """Bound the end-mass radius from below: where the cable is still linear and ends far inside.
 
@@ -99,7 +99,7 @@ def smallest_radius(theta, length, tolerance, states, mesh):
     return u, work
 
 
-@njit(cache=True)
+@kernel
 def polish(theta, length, low, high, sign_low, tolerance, states, mesh):
     """Root of h in [low, high] by Newton's method, kept inside the shrinking bracket.
 
@@ -131,7 +131,7 @@ def polish(theta, length, low, high, sign_low, tolerance, states, mesh):
     return u, work, False
 
 
-@njit(cache=True)
+@kernel
 def _hermite(a, b, ha, da, hb, db, u):
     """Cubic Hermite interpolant and its slope at u."""
     w = b - a
@@ -150,7 +150,7 @@ def _hermite(a, b, ha, da, hb, db, u):
     return h, slope
 
 
-@njit(cache=True)
+@kernel
 def _extremum(theta, length, a, b, da, tolerance, states, mesh):
     """Locate the extremum of h between a and b; stop as soon as h is found across zero.
 
@@ -176,7 +176,7 @@ def _extremum(theta, length, a, b, da, tolerance, states, mesh):
     return u, h, work
 
 
-@njit(cache=True)
+@kernel
 def all_roots(theta, length, scan_tolerance, tolerance, roots):
     """Find every root of h, in rising order.
 

@@ -1,10 +1,11 @@
 """Along the track: where the turn that is flown began, and where it came onto a circle."""
 
 import numpy as np
-from numba import njit
+
+from ctcbs_ros.kernels.compiled import kernel
 
 
-@njit(cache=True)
+@kernel
 def turn_start(course, reach):
     """Where the newest turn begins: straight flight before it adds no angle.
 
@@ -34,7 +35,7 @@ def turn_start(course, reach):
     return kept, start
 
 
-@njit(cache=True)
+@kernel
 def joined_circle(points, ahead, white_sigma, correlated_sigma, circle, drift):
     """Index of the sample from which the track has been on a circle.
 

@@ -15,9 +15,9 @@ The integrator is Dormand and Prince's 8(5,3) pair.
 """
 
 import numpy as np
-from numba import njit
 
 from ctcbs_ros.kernels import dormand_prince as pair
+from ctcbs_ros.kernels.compiled import fused_kernel, kernel
 
 # Columns of `theta`, and the order of all derivatives.
 X_D, OMEGA, M, W, D_N, D, RHO, G = range(8)
@@ -34,13 +34,10 @@ _ERROR_INDEX = np.flatnonzero((pair.E3 != 0.0) | (pair.E5 != 0.0))
 _E3 = pair.E3[_ERROR_INDEX]
 _E5 = pair.E5[_ERROR_INDEX]
 
-# Fused multiply-add only: sums keep their order, infinities and nan their meaning.
-_FUSED = {"contract"}
-
 OK, TOO_MANY_STEPS, NOT_FINITE = range(3)
 
 
-@njit(cache=True)
+@kernel
 def initial_state(theta, directions, y):
     """Set the state at the end mass, and its derivatives along `directions`, (2.15)-(2.16).
 
@@ -65,7 +62,7 @@ def initial_state(theta, directions, y):
         y[j + 1, 5] = q[W]
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def cable_rhs(theta, directions, y, dy):
     """Right-hand side of the steady state and of its variational equations.
 
@@ -111,7 +108,7 @@ def cable_rhs(theta, directions, y, dy):
         dy[j + 1, 5] = q[RHO] + dc * nz + c * mz
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def _stages(theta, directions, y, h, k, scratch):
     """Fill the stages k[1:] of one step from y (k[0] is the slope there); return the end state."""
     for i in range(1, _STAGES + 1):
@@ -136,7 +133,7 @@ def _stages(theta, directions, y, h, k, scratch):
             cable_rhs(theta, directions, scratch, k[i])
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def _step_error(k, y, new, h, tolerance):
     """Error of a step in units of the tolerance, over the state and its derivatives (DOP853)."""
     worst = 0.0
@@ -165,7 +162,7 @@ def _step_error(k, y, new, h, tolerance):
     return worst
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def integrate(theta, directions, nodes, tolerance, max_steps, states, mesh):
     """Integrate from the end mass (s = 0) through every node, with step control.
 
@@ -244,7 +241,7 @@ def integrate(theta, directions, nodes, tolerance, max_steps, states, mesh):
     return OK, steps, least
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def integrate_halved(theta, mesh, steps):
     """Integrate over the steps of `mesh`, each halved.
 
@@ -282,14 +279,14 @@ def integrate_halved(theta, mesh, steps):
     return y[0].copy(), greatest
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def _tension(y, dy):
     """Tension of a state, (6,), and with its slope, (6,), how fast the tension rises with s."""
     p = np.sqrt(y[3] ** 2 + y[4] ** 2 + y[5] ** 2)
     return p, (y[3] * dy[3] + y[4] * dy[4] + y[5] * dy[5]) / p
 
 
-@njit(cache=True)
+@kernel
 def _maximum(p0, p1, d0, d1):
     """Where in [0, 1] the cubic with values p0, p1 and slopes d0 > 0 > d1 at its ends is largest.
 

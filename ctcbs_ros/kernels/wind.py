@@ -1,14 +1,14 @@
 """The centre of the circle on which ground velocities lie: the wind, and how well it is known."""
 
 import numpy as np
-from numba import njit
 
+from ctcbs_ros.kernels.compiled import kernel
 from ctcbs_ros.kernels.regression import invert_normal
 
 _ITERATIONS = 30
 
 
-@njit(cache=True)
+@kernel
 def refine_wind(
     time, velocity, sigma, reference, by_heading, turn, trend_sigma, huber, solution, inverse,
     residual, unit, gain,
@@ -108,7 +108,7 @@ def refine_wind(
     return False
 
 
-@njit(cache=True)
+@kernel
 def wind_covariance(
     time, unit, gain, white, velocity_variance, velocity_time, airspeed_variance, airspeed_time,
     trend_sigma, inverse, covariance,
@@ -156,3 +156,47 @@ def wind_covariance(
                     a, b = by_error[j, k], by_error[m, k]
                     covariance[j, m] += share[k] * (a * b + a * before[m, k] + before[j, k] * b)
         before += by_error
+
+
+@kernel
+def turned(velocity, wind):
+    """Angle that the air velocities sweep [rad], whole turns counted.
+
+    velocity : (n, 2) array, over the ground; wind : (2,) array
+    """
+    low, high, angle, before = 0.0, 0.0, 0.0, 0.0
+    for i in range(velocity.shape[0]):
+        now = np.arctan2(velocity[i, 1] - wind[1], velocity[i, 0] - wind[0])
+        if i > 0:
+            angle += (now - before + np.pi) % (2.0 * np.pi) - np.pi
+        before = now
+        low, high = min(low, angle), max(high, angle)
+    return high - low
+
+
+@kernel
+def scaled_scatter(residual, variance):
+    """Deviation of residuals (n,) over the stated one, by their median; variance : (n,)."""
+    return 1.4826 * np.median(np.abs(residual) / np.sqrt(variance))
+
+
+@kernel
+def clipped_square(residual, variance, scale, most):
+    """Mean of the squares of residuals over `scale` deviations, linear from `most` of them on.
+
+    residual, variance : (n,)
+    """
+    total = 0.0
+    for i in range(residual.shape[0]):
+        off = abs(residual[i]) / (scale * np.sqrt(variance[i]))
+        total += min(off, most) * off
+    return total / residual.shape[0]
+
+
+@kernel
+def mean_speed(velocity):
+    """Mean length of vectors (n, 2)."""
+    total = 0.0
+    for i in range(velocity.shape[0]):
+        total += np.hypot(velocity[i, 0], velocity[i, 1])
+    return total / velocity.shape[0]

@@ -179,7 +179,7 @@ class OrbitEstimator:
             if 0 < joined <= len(samples) - _FEWEST:
                 yield samples[joined:], last.fit.drifts
         for share in _SHARES:
-            part = samples.newest(share * samples.turned)
+            part = samples if share == 1.0 else samples.newest(share * samples.turned)
             if len(part) < _FEWEST:
                 return
             yield part, share == 1.0

@@ -13,7 +13,14 @@ from math import atan2, degrees, hypot, isfinite, log, nan, pi, radians, sqrt
 
 import numpy as np
 
-from ctcbs_ros.kernels.wind import refine_wind, wind_covariance
+from ctcbs_ros.kernels.wind import (
+    clipped_square,
+    mean_speed,
+    refine_wind,
+    scaled_scatter,
+    turned,
+    wind_covariance,
+)
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.settings import OrbitSettings
 
@@ -154,6 +161,7 @@ _EXCESS_TURN = 0.12
 _SEEN = 1.0
 # Residuals over the stated errors from which these are taken larger in the fit.
 _NOISIER = 1.3
+_STILL = np.zeros(2)
 # Part of such an error that is left in the residuals, at least.
 _LEAST_KEPT = 0.2
 # Columns of the window.
@@ -342,12 +350,11 @@ def _fit(
     if n < _FEWEST_SAMPLES:
         return None
     velocity = np.ascontiguousarray(rows[:, _VE : _VN + 1])
-    course = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
     s = settings
     # In strong wind the course turns by less than the heading, or by more.
-    if np.ptp(course) < _LEAST_COURSE * s.least_arc:
+    if turned(velocity, _STILL) < _LEAST_COURSE * s.least_arc:
         return None
-    mean_speed = float(np.mean(np.hypot(*velocity.T)))
+    ground_speed = mean_speed(velocity)
     stated = np.isfinite(rows[:, _SIGMA])
     own = np.where(stated, rows[:, _SIGMA], s.velocity_sigma)
     white = np.maximum(own, s.least_velocity_sigma) ** 2
@@ -355,8 +362,9 @@ def _fit(
     heading = relation == "heading"
     if heading:
         reference = np.ascontiguousarray(rows[:, _HEADING])
-        white = white + (s.heading_sigma * mean_speed) ** 2
+        white = white + (s.heading_sigma * ground_speed) ** 2
         once = s.compass_deviation
+        course = np.arctan2(velocity[:, 1], velocity[:, 0])
         late = float(np.angle(np.mean(np.exp(1j * (course - reference)))))
         solution = np.array([0.0, 0.0, late, 0.0])
     elif relation == "measured airspeed":
@@ -364,10 +372,10 @@ def _fit(
         white = white + s.sensor_sigma**2
         # A measured airspeed may change as it likes.
         once, trend_sigma = s.sensor_error, 1e-6
-        solution = np.array([*velocity.mean(axis=0), mean_speed / reference.mean(), 0.0])
+        solution = np.array([*velocity.mean(axis=0), ground_speed / reference.mean(), 0.0])
     else:
         reference = np.ones(n)
-        solution = np.array([*_middle(velocity), mean_speed, 0.0])
+        solution = np.array([*_middle(velocity), ground_speed, 0.0])
     time = np.ascontiguousarray(rows[:, _TIME])
     inverse, residual = np.empty((4, 4)), np.empty(n)
     unit, gain, covariance = np.empty((n, 2)), np.empty((n, 4)), np.empty((4, 4))
@@ -381,7 +389,7 @@ def _fit(
         if not stated.any() and not heading:
             # Nobody states the errors: white ones are seen from sample to sample.
             white = np.full(n, max(_scatter(residual), s.least_velocity_sigma) ** 2)
-        seen = _median_scale(residual, white)
+        seen = scaled_scatter(residual, white)
         if seen < _NOISIER:
             break
         # Where the airspeed wanders, that is no reason to believe the farther samples less.
@@ -398,10 +406,9 @@ def _fit(
     )
     covariance += _excess(residual, white, inverse / scale**2, by_excess) * by_excess
     covariance *= _HUBER_COST
-    air = velocity - solution[:2]
-    if np.ptp(np.unwrap(np.arctan2(air[:, 1], air[:, 0]))) < s.least_arc:
+    if turned(velocity, solution) < s.least_arc:
         return None
-    airspeed = float(np.mean(np.hypot(*air.T)))
+    airspeed = mean_speed(velocity - solution[:2])
     of_wind = covariance[:2, :2] + (once * airspeed) ** 2 * np.eye(2)
     if not np.isfinite(of_wind).all():
         return None
@@ -423,19 +430,13 @@ def _excess(residual, white, inverse, by_excess) -> float:
     """
     n = len(residual)
     mean_white = float(np.mean(white))
-    scale = max(1.0, _median_scale(residual, white))
-    off = np.abs(residual) / (scale * np.sqrt(white))
-    seen = scale**2 * float(np.sum(np.minimum(off, _HUBER) * off)) / _HUBER_VARIANCE / n
+    scale = max(1.0, scaled_scatter(residual, white))
+    seen = scale**2 * clipped_square(residual, white, scale, _HUBER) / _HUBER_VARIANCE
     expected = 1.0 - 3.0 / n
     if seen < expected + _SEEN * sqrt(2.0 / n):
         return 0.0
     kept = 1.0 - float(np.trace(np.linalg.solve(inverse, by_excess))) * mean_white / n
     return (seen - expected) * mean_white / max(kept, _LEAST_KEPT)
-
-
-def _median_scale(residual, white) -> float:
-    """Deviation of residuals over the stated one, by their median."""
-    return 1.4826 * float(np.median(np.abs(residual) / np.sqrt(white)))
 
 
 def _scatter(values: np.ndarray) -> float:

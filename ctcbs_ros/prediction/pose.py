@@ -82,9 +82,10 @@ def fold_distance(orbit: Orbit, in_angular_rate: Jump | None, in_radius: Jump | 
         radius = inf  # a tighter circle turns faster: these are two folds
     if not (rate and radius):
         return 0.0
-    by_radius, by_rate = (1.0 / radius + 1.0 / rate) / orbit.radius, 1.0 / rate / orbit.angular_rate
+    by_radius = (1.0 / radius + 1.0 / rate) / orbit.radius
+    by_rate = 1.0 / rate / orbit.angular_rate
     (of_radius, of_both), (_, of_rate) = orbit.covariance[3:5, 3:5].tolist()
-    variance = by_radius**2 * of_radius + by_rate**2 * of_rate + 2.0 * by_radius * by_rate * of_both
+    variance = by_radius**2 * of_radius + by_rate * (by_rate * of_rate + 2.0 * by_radius * of_both)
     return 1.0 / sqrt(variance) if 0.0 < variance < inf else inf
 
 
