@@ -18,7 +18,7 @@ from ctcbs_ros.dynamics.cable import (
 from ctcbs_ros.dynamics.equilibrium import equilibrium
 from ctcbs_ros.dynamics.line import Line, line_of
 from ctcbs_ros.dynamics.loads import loads
-from ctcbs_ros.dynamics.signal import circle, constant, linear, sampled, spline, steps
+from ctcbs_ros.dynamics.signal import circle, constant, held, linear, sampled, spline, steps
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
@@ -276,6 +276,15 @@ def test_a_falling_ramp_jumps_outward_with_a_delay_of_its_rate_to_two_thirds():
     assert slow[-1] == pytest.approx(2.5, abs=0.15)
     assert fold - slowly > 0.005
     assert (fold - quickly) / (fold - slowly) == pytest.approx(4.0 ** (2.0 / 3.0), rel=0.1)
+
+
+def test_a_held_signal_stays_what_it_is_at_its_ends():
+    whole = spline(np.linspace(0.0, 1.0, 9), np.linspace(0.0, 1.0, 9) ** 2)
+    kept = held(whole)
+    assert kept.at([-1e4, -0.1, 0.0, 0.3, 1.0, 5.0, 1e4])[:, 0] == pytest.approx(
+        [0.0, 0.0, 0.0, 0.09, 1.0, 1.0, 1.0], abs=1e-12
+    )
+    assert kept.stops == pytest.approx([0.0, 1.0])
 
 
 def test_paying_out_keeps_angular_momentum():

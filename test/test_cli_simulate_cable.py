@@ -143,6 +143,8 @@ def test_any_log_that_replay_reads_is_a_track(name, capsys):
         (f"{POINT} --from 3", "only with --track"),
         (f"{POINT} --wind nan,0", "--wind nan,0"),
         (f"{POINT} --reel-to -1 --reel-rate 1", "--reel-to"),
+        (f"{POINT} --reel-to 0.001 --reel-rate 1", "at least 0.01 must stay out"),
+        (f"{POINT} --reel-to 6 --reel-rate 1000", "--reel-rate: 1000 is not allowed, it must be"),
         (f"{POINT} --reel-to 4", "only together"),
         (f"{POINT} --new-end-mass 0 --new-after 1", "--new-end-mass"),
         (f"{POINT} --track nowhere.csv", "nowhere.csv"),
@@ -207,3 +209,25 @@ def test_a_track_that_is_neither_log_nor_csv_is_refused(content, tmp_path, capsy
     error = capsys.readouterr().err
     assert "no CSV file with a column t" in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["simulate-cable --wind 0.1,0", "entry --from hanging"])
+def test_a_motion_that_cannot_be_followed_is_one_line_and_1(command, capsys, monkeypatch):
+    monkeypatch.setattr("ctcbs_ros.dynamics.cable._MOST_STEPS", 20)
+    assert main([*command.split(), *POINT.split()]) == 1
+    error = capsys.readouterr().err
+    assert "cannot be followed past" in error
+    assert error.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "rough",
+    [
+        "--wind 0.99,0 --orbits 3", "--new-end-mass 1e-6 --new-after 1 --orbits 2",
+        "--tolerance 1e-2 --elasticity 1e7 --start hanging --orbits 2",
+    ],
+)  # fmt: skip
+def test_whatever_is_simulated_stays_finite(rough, tmp_path, capsys):
+    out = tmp_path / "out.csv"
+    run(f"{POINT} {rough} -o {out}", capsys)
+    assert np.all(np.isfinite(np.genfromtxt(out, delimiter=",", skip_header=1)))

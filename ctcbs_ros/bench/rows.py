@@ -40,7 +40,11 @@ ROWS = (
         "MoorDyn, RK4, steps of 0.01 s", cable_rows.soft, needed=0.5,
     ),
     Row(
-        "cable-60000", "the same with gamma 60,000: 4 orbits from rest", None,
+        "cable-design", "the same with the design example's parameters: 4 orbits", None,
+        "MoorDyn, RK4, steps of 0.01 s", cable_rows.design, needed=0.5,
+    ),
+    Row(
+        "cable-60000", "the first of these with gamma 60,000: 4 orbits", None,
         "MoorDyn, RK4, steps of 0.001 s", cable_rows.stiff, needed=0.1,
     ),
     Row(

@@ -1,5 +1,6 @@
 """`ctcbs entry`: a planned entry simulated, and which state it ends in."""
 
+import sys
 from dataclasses import asdict, replace
 from math import degrees, inf, isfinite, radians
 
@@ -76,10 +77,13 @@ def run(args) -> int:
     if args.height is not None and not isfinite(args.height):
         raise InputError(f"--height: {args.height:g} is not allowed, it must be finite")
     manoeuvre = _manoeuvre(args, units, parameters)
-    with tqdm(total=1.0, desc="entry", bar_format="{desc}: {percentage:.0f}%|{bar}| {elapsed}",
-              leave=False, delay=1.0) as bar:  # fmt: skip
-        entry = enter(parameters, manoeuvre, wind, args.orbits, args.segments,
-                      tell=lambda part: bar.update(part - bar.n))  # fmt: skip
+    try:
+        with _bar() as bar:
+            entry = enter(parameters, manoeuvre, wind, args.orbits, args.segments,
+                          tell=lambda part: bar.update(part - bar.n))  # fmt: skip
+    except ArithmeticError as error:
+        print(f"ctcbs: error: {error}", file=sys.stderr)
+        return 1
     result = _in_units(entry, units, args.height)
     result["warnings"] = _warnings(args, result)
     if args.json:
@@ -88,6 +92,11 @@ def run(args) -> int:
     else:
         _print(result, units)
     return 0
+
+
+def _bar():
+    shown = "{desc}: {percentage:.0f}%|{bar}| {elapsed}"
+    return tqdm(total=1.0, desc="entry", bar_format=shown, leave=False, delay=1.0)
 
 
 def _manoeuvre(args, units, parameters):

@@ -5,6 +5,7 @@ what the user gives and gets is in SI.
 """
 
 import csv
+import sys
 from dataclasses import asdict, replace
 from math import inf, isfinite, pi
 from pathlib import Path
@@ -20,6 +21,7 @@ from ctcbs_ros.errors import InputError
 from ctcbs_ros.files import atomic_file, writable
 
 _A_PERIOD = 64  # states given in an orbit
+_SHORTEST = 1.0 / 300.0  # of the cable: what is hauled in further is a mass on its winch
 _SMOOTH = 0.5  # orbits that a change of wind or length takes to begin and to end
 
 
@@ -104,7 +106,11 @@ def run(args) -> int:
     state = _start(args, units, parameters, line, driven, first)
     count = max(2, round((last - first) / period * _A_PERIOD) + 1)
     times = np.linspace(first, last, count)
-    motion = simulate(line, driven, state, times, args.tolerance)
+    try:
+        motion = simulate(line, driven, state, times, args.tolerance)
+    except ArithmeticError as error:
+        print(f"ctcbs: error: {error}", file=sys.stderr)
+        return 1
     if path is None:
         found = asdict(outcome(line, driven, motion, period)) | {"orbits": (last - first) / period}
     else:
@@ -208,7 +214,7 @@ def _start(args, units, parameters, line, driven, first):
 
 def _length(args, units, line, first):
     """From the length at the start to another, the rate rising and falling smoothly."""
-    from ctcbs_ros.dynamics.signal import spline
+    from ctcbs_ros.dynamics.signal import held, spline
 
     if args.reel_to is None and args.reel_rate is None:
         return None
@@ -217,10 +223,19 @@ def _length(args, units, line, first):
     for name, value in (("--reel-to", args.reel_to), ("--reel-rate", args.reel_rate)):
         if not 0.0 < value < inf:
             raise InputError(f"{name}: {value:g} is not allowed, it must be above 0 and finite")
+    shortest = _SHORTEST * line.length * units["length"]
+    if args.reel_to < shortest:
+        raise InputError(
+            f"--reel-to: {args.reel_to:g} is not allowed, at least {shortest:.3g} must stay out"
+        )
+    rate = args.reel_rate * units["time"] / units["length"]
+    if rate >= 1.0:
+        raise InputError(
+            f"--reel-rate: {args.reel_rate:g} is not allowed, it must be below the tow speed"
+        )
     change = args.reel_to / units["length"] - line.length
     if change == 0.0:
         return None
-    rate = args.reel_rate * units["time"] / units["length"]
     smooth = min(_SMOOTH * 2.0 * pi, abs(change) / rate)
     whole = abs(change) / rate + smooth  # a trapezium of the rate
     before = first - smooth
@@ -228,7 +243,7 @@ def _length(args, units, line, first):
     s = np.clip(t - first, 0.0, whole)
     up, down = np.minimum(s, smooth), np.clip(s - (whole - smooth), 0.0, smooth)
     flown = 0.5 * up**2 / smooth + (s - up) - 0.5 * down**2 / smooth
-    return spline(t, line.length + np.sign(change) * rate * flown, "--reel-to")
+    return held(spline(t, line.length + np.sign(change) * rate * flown, "--reel-to"))
 
 
 def _end(args, units, line, first, period):

@@ -18,7 +18,7 @@ from ctcbs_ros.kernels import cable_motion
 TOLERANCE = 1e-4
 # Errors of tensions, in units of weight and drag, may be so many times larger.
 _TENSION = 10.0
-_MOST_STEPS = 2_000_000
+_MOST_STEPS = 1_000_000
 _FAILURES = {
     cable_motion.TOO_MANY_STEPS: "too many steps are needed",
     cable_motion.NOT_FINITE: "no step is short enough",

@@ -14,7 +14,7 @@ from ctcbs_ros.dynamics.cable import TOLERANCE, CableState, Drive, drive, simula
 from ctcbs_ros.dynamics.line import Line, line_of
 from ctcbs_ros.dynamics.loads import loads
 from ctcbs_ros.dynamics.manoeuvre import Manoeuvre
-from ctcbs_ros.dynamics.signal import constant, sampled
+from ctcbs_ros.dynamics.signal import constant, held, sampled
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import SteadyState, steady_states
@@ -121,32 +121,16 @@ def enter(
     wind = np.asarray(wind, float)
     lead = _LEAD * PERIOD if manoeuvre.settles_first and np.any(wind) else 0.0
     last = manoeuvre.duration + (orbits + _CHUNK) * PERIOD
-    driven = drive(
-        line,
-        sampled(manoeuvre.place, -lead, last, PERIOD / 256.0, "tow point"),
-        constant(wind),
-        None if manoeuvre.length is None
-        else sampled(manoeuvre.length, 0.0, manoeuvre.duration, manoeuvre.duration / 64.0),
-    )  # fmt: skip
+    tow = sampled(manoeuvre.place, -lead, last, PERIOD / 256.0, "tow point")
+    length = None
     if manoeuvre.length is not None:
-        driven = replace(driven, length=_held(driven.length, manoeuvre))
+        reeled = manoeuvre.duration
+        length = held(sampled(manoeuvre.length, 0.0, reeled, reeled / 64.0, "length"))
+    driven = drive(line, tow, constant(wind), length)
     state = _placed(manoeuvre.begin(segments, wind), driven, -lead)
     if lead:
         state = simulate(line, driven, state, [0.0], tolerance).end
     return _judged(parameters, line, driven, state, manoeuvre, orbits, tolerance, tell)
-
-
-def _held(length, manoeuvre):
-    """A length that stays what it is before and after the manoeuvre."""
-    last = length.breaks[-1]
-    breaks = np.concatenate([[-1e9], length.breaks, [1e9]])
-    ends = np.zeros((4, 2, 1))
-    ends[0] = manoeuvre.length(np.array([0.0, last]))
-    coefficients = np.concatenate([ends[:, :1], length.coefficients, ends[:, 1:]], axis=1)
-    return replace(
-        length, breaks=breaks, coefficients=np.ascontiguousarray(coefficients),
-        stops=np.array([0.0, last]),
-    )  # fmt: skip
 
 
 def _placed(state: CableState, driven: Drive, time: float) -> CableState:

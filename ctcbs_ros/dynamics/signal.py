@@ -154,6 +154,19 @@ def sampled(
     return spline(times, function(times), name)
 
 
+def held(signal: Signal) -> Signal:
+    """The same signal, constant before its first break and after its last."""
+    first, last = signal.breaks[[0, -1]]
+    far = 1e9 * (last - first)
+    ends = np.zeros((4, 2, signal.coefficients.shape[2]))
+    ends[0] = signal.at([first, last])
+    return Signal(
+        np.concatenate([[first - far], signal.breaks, [last + far]]),
+        np.concatenate([ends[:, :1], signal.coefficients, ends[:, 1:]], axis=1),
+        np.unique(np.concatenate([[first], signal.stops, [last]])),
+    )
+
+
 def circle(radius: float, rate: float, start: float, end: float) -> Signal:
     """A tow point on a circle about the origin, anticlockwise from (radius, 0, 0) at time 0.
 
