@@ -40,6 +40,7 @@ BELOW = {
     "solver": {"kernels"},
     "orbit": {"kernels"},
     "table": {"kernels", "solver"},
+    "periodic": {"kernels", "solver"},
     "figures": {"kernels", "solver"},
     "design": {"kernels", "solver"},
     "prediction": {"kernels", "solver", "orbit", "table", "telemetry"},

@@ -82,6 +82,7 @@ def _parser() -> argparse.ArgumentParser:
         entry,
         figures,
         orbit_study,
+        periodic,
         pose_study,
         replay,
         simulate,
@@ -98,7 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in (
-        steady, branch, cusp, critical_drag, design, figures, table, replay, simulate,
+        steady, periodic, branch, cusp, critical_drag, design, figures, table, replay, simulate,
         simulate_cable, entry, bench, orbit_study, wind_study, pose_study,
     ):  # fmt: skip
         command.add_parser(commands)

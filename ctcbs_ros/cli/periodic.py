@@ -1,0 +1,147 @@
+"""`ctcbs periodic`: the periodic motion of the end mass in a steady wind, and its stability."""
+
+import argparse
+import sys
+from dataclasses import asdict
+from math import inf
+
+import numpy as np
+
+from ctcbs_ros.cli.output import print_json
+from ctcbs_ros.cli.steady import add_nondimensional, parameters_from
+from ctcbs_ros.errors import InputError
+
+_ELASTICITY = 600.0
+# Orders smaller than this share of the tow radius are not printed.
+_LEAST_SHOWN = 1e-9
+
+
+def add_parser(subparsers) -> None:
+    """Add the subcommand's arguments."""
+    parser = subparsers.add_parser(
+        "periodic",
+        help="the motion of the end mass in a steady wind, and its stability",
+        description="The periodic motion of the end mass of an aircraft that holds a circle over "
+        "the ground in a steady wind, continued from the steady state in still air, and its "
+        "stability. Ground frame about the circle's centre, lengths in tow radii: the air moves "
+        "towards +x, the orbit is anticlockwise, z is up. A circle that drifts with the air is in "
+        f"still air: `ctcbs steady`. --elasticity is {_ELASTICITY:g} here unless given.",
+    )
+    add_nondimensional(parser)
+    parser.add_argument(
+        "--wind", type=float, metavar="W", help="speed of the air over that of the tow point"
+    )
+    parser.add_argument(
+        "--path", default="ground-speed",
+        help="what is constant round the circle, and what the wind is a fraction of: "
+        "ground-speed (default) or airspeed",
+    )
+    parser.add_argument(
+        "--state", type=int, metavar="N",
+        help="which of several steady states in still air is continued, 1 for the smallest "
+        "end-mass radius; by default the one that straight flight leads to",
+    )
+    parser.add_argument("--json", action="store_true", help="the result as JSON on stdout")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Solve, and print as JSON or as a table."""
+    from ctcbs_ros.periodic.floquet import floquet
+    from ctcbs_ros.periodic.solve import periodic_motion
+    from ctcbs_ros.periodic.tow_path import TowPath
+    from ctcbs_ros.solver.stability import stability
+
+    if args.wind is None:
+        raise InputError("missing: --wind")
+    if args.elasticity is None:
+        args.elasticity = _ELASTICITY
+    if args.elasticity == inf:
+        raise InputError("--elasticity: inf is not allowed here, the cable has to stretch")
+    path = TowPath(args.path, args.wind)
+    parameters = parameters_from(args)
+    state, reason = _state(parameters, args.state)
+    motion = None
+    if state is not None:
+        found = periodic_motion(state, path)
+        motion, reason = found.motion, found.reason or reason
+    result = {
+        "mean": None, "harmonics": [], "growth_rate": None, "stable": None, "residual": None,
+    }  # fmt: skip
+    if motion is not None:
+        modes = floquet(motion, stability(state).functions)
+        x, y, z = motion.mean.tolist()
+        result = {
+            "mean": {"downwind": x, "crosswind": y, "depth": -z},
+            "harmonics": [
+                {"order": order, "x": amplitude[0], "y": amplitude[1], "z": amplitude[2]}
+                for order, amplitude in enumerate(_shown(motion.harmonics).tolist(), 1)
+            ],
+            "growth_rate": modes.growth_rate,
+            "stable": modes.stable,
+            "residual": motion.residual,
+            "frequency": modes.frequency,
+            "converged": modes.converged,
+            "functions": modes.functions,
+            "band": modes.band,
+            "least_tension": motion.least_tension,
+            "still_air": {
+                "end_mass_radius": state.end_mass_radius, "depth": state.depth,
+                "phase_lag": state.phase_lag,
+            },
+        }  # fmt: skip
+    if args.json:
+        given = {"parameters": asdict(parameters), "wind": args.wind, "path": args.path}
+        print_json(given | result | ({"reason": reason} if reason else {}))
+    else:
+        _print_table(result, reason)
+    if reason:
+        print(f"ctcbs: note: {reason}", file=sys.stderr)
+    return 0
+
+
+def _state(parameters, number: int | None):
+    """The steady state to begin with, or None; and what is to be said of the choice."""
+    from ctcbs_ros.solver.flown import branch_from_straight_flight, match
+    from ctcbs_ros.solver.steady_state import steady_states
+
+    found = steady_states(parameters)
+    count = len(found.states)
+    if number is not None and not 1 <= number <= max(count, 1):
+        raise InputError(f"--state: {number} is not allowed, there are {count} steady states")
+    if count == 0:
+        return None, f"no steady state in still air: {found.reason}"
+    if number is not None or count == 1:
+        return found.states[(number or 1) - 1], found.reason
+    flown = branch_from_straight_flight(parameters).end_mass_radius
+    chosen = match(found.states, flown) if flown == flown else None
+    several = f"{count} steady states in still air"
+    if chosen is None:
+        return None, f"{several}, none of which straight flight leads to; choose with --state"
+    return found.states[chosen], f"{several}; state {chosen + 1} is continued, see --state"
+
+
+def _shown(harmonics: np.ndarray) -> np.ndarray:
+    """Without the orders at the end that are too small to be told from rounding."""
+    some = np.flatnonzero(harmonics.max(axis=1) > _LEAST_SHOWN)
+    return harmonics[: some[-1] + 1 if some.size else 1]
+
+
+def _print_table(result: dict, reason: str) -> None:
+    if result["mean"] is None:
+        print(f"no periodic motion: {reason}")
+        return
+    mean = result["mean"]
+    print(
+        f"mean: downwind {mean['downwind']:.5g}, crosswind {mean['crosswind']:.5g}, depth "
+        f"{mean['depth']:.5g} tow radii"
+    )
+    print("order          x          y          z   half of peak to peak, in tow radii")
+    for row in result["harmonics"]:
+        if max(row["x"], row["y"], row["z"]) >= 1e-6:
+            print(f"{row['order']:5d} {row['x']:10.6f} {row['y']:10.6f} {row['z']:10.6f}")
+    print(
+        f"margin {-result['growth_rate']:.5g} per radian of orbit, "
+        f"{'stable' if result['stable'] else 'UNSTABLE'}; the end mass is certain to "
+        f"{result['residual']:.1g} tow radii"
+    )

@@ -1,0 +1,246 @@
+"""Stability of a periodic motion: Floquet exponents of the modes that no wind shows in the band.
+
+The linearised motion is integrated over one turn in the rotating frame, where without wind its
+matrix is constant and the exponents are the eigenvalues of `ctcbs_ros.solver.stability`.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import pi
+
+import numpy as np
+
+from ctcbs_ros.kernels.galerkin import basis
+from ctcbs_ros.periodic.elements import at_arc_lengths
+from ctcbs_ros.periodic.forces import end_drag, forces
+from ctcbs_ros.periodic.fourier import at_times, fourier
+from ctcbs_ros.periodic.motion import PeriodicMotion
+from ctcbs_ros.solver.blas import one_blas_thread
+from ctcbs_ros.solver.stability import ABSOLUTE, FUNCTIONS, RELATIVE
+
+# Steps a turn of the integration, doubled until the growth rate is converged.
+_STEPS = (16, 32, 64, 128, 256)
+# k x r turns (x, y, z) into (-y, x, 0).
+_SPIN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class Floquet:
+    """The least damped mode in the band, per radian of orbit.
+
+    Attributes
+    ----------
+    growth_rate : float
+        Largest real part of the exponents that count; negative is stable.
+    frequency : float
+        Of that mode, in the rotating frame: root mean square over the turn, its growth aside.
+    band : float
+        Largest frequency that counts.
+    functions : int
+        Functions a coordinate.
+    converged : bool
+        Whether more functions and steps change the growth rate by less than 1 %.
+    """
+
+    growth_rate: float
+    frequency: float
+    band: float
+    functions: int
+    converged: bool
+
+    @property
+    def stable(self) -> bool:
+        """Whether every small disturbance in the band decays."""
+        return self.growth_rate < 0.0
+
+
+def floquet(motion: PeriodicMotion, functions: int = FUNCTIONS[0], band: float | None = None):
+    """Growth rate of the least damped mode in the band, converged to 1 %.
+
+    Parameters
+    ----------
+    motion : PeriodicMotion
+    functions : int
+        Functions a coordinate to begin with: those that the steady state needs.
+    band : float, optional
+        By default `Parameters.band`.
+
+    Returns
+    -------
+    Floquet
+
+    Notes
+    -----
+    An exponent is known only up to multiples of i, one for each turn, so |Im| does not say which
+    modes count. The frequency of a mode does: with u e^(-Re(lambda) t) = q(t), which repeats but
+    for a phase, it is the root of the mean of |q'|^2 over that of |q|^2. Without wind q is
+    e^(i Im(lambda) t) times a constant, and the frequency |Im(lambda)|; with wind it changes
+    continuously, also where two exponents meet on the real axis or half way between its copies.
+    """
+    band = motion.parameters.band if band is None else band
+    counts = [functions] + [n for n in FUNCTIONS if n > functions]
+    with one_blas_thread():
+        found, steps, good = _converged_steps(motion, counts[0], band, 0)
+        for more in counts[1:]:
+            finer, finer_steps, finer_good = _converged_steps(motion, more, band, steps)
+            if _agree(found[0], finer[0]):
+                return Floquet(*found, band, counts[0], good)
+            found, steps, good, counts[0] = finer, finer_steps, finer_good, more
+    return Floquet(*found, band, counts[0], False)
+
+
+def _agree(before: float, growth: float) -> bool:
+    return abs(growth - before) <= max(RELATIVE * abs(growth), ABSOLUTE)
+
+
+def _converged_steps(motion, n: int, band: float, first: int):
+    """Growth rate and frequency, the index of the steps needed, and whether they sufficed."""
+    before = _least_damped(motion, n, band, _STEPS[first])
+    for i in range(first + 1, len(_STEPS)):
+        found = _least_damped(motion, n, band, _STEPS[i])
+        if _agree(before[0], found[0]):
+            return found, i - 1, True
+        before = found
+    return before, len(_STEPS) - 1, False
+
+
+def _least_damped(motion, n: int, band: float, steps: int) -> tuple[float, float]:
+    exponents, frequencies = exponents_and_frequencies(motion, n, steps)
+    # On a slow orbit even the pendulum may swing faster than the band: then it is what counts.
+    inside = np.flatnonzero(frequencies <= max(band, frequencies.min() * (1.0 + 1e-9)))
+    worst = inside[np.argmax(exponents[inside].real)]
+    return float(exponents[worst].real), float(frequencies[worst])
+
+
+def exponents_and_frequencies(motion: PeriodicMotion, n: int, steps: int):
+    """All 6 n Floquet exponents and their frequencies in the rotating frame, (6 n,) each.
+
+    Parameters
+    ----------
+    motion : PeriodicMotion
+    n : int
+        Functions a coordinate.
+    steps : int
+        Of the integration over a turn, by Radau's method of order 5. It damps what is too fast for
+        the steps, as a method without damping at infinity would not: that would show as growth.
+    """
+    maps = _step_maps(motion, n, steps)
+    turn = np.eye(6 * n)
+    for step in maps:
+        turn = step @ turn
+    multipliers, modes = np.linalg.eig(turn)
+    exponents = np.log(np.maximum(np.abs(multipliers), 1e-300)) + 1j * np.angle(multipliers)
+    exponents = exponents / (2.0 * pi)
+    growth = exponents.real
+    fast, size = np.zeros(6 * n), np.zeros(6 * n)
+    modes = modes.astype(complex)
+    for step in maps:
+        place, rate = modes[: 3 * n], modes[3 * n :]
+        fast += (np.abs(rate - growth * place) ** 2).sum(axis=0)
+        size += (np.abs(place) ** 2).sum(axis=0)
+        # What decays within a step leaves nothing but rounding.
+        modes = step @ modes * np.exp(-np.maximum(growth, -100.0) * 2.0 * pi / steps)
+    return exponents, np.sqrt(fast / np.maximum(size, 1e-300))
+
+
+def _step_maps(motion: PeriodicMotion, n: int, steps: int) -> list[np.ndarray]:
+    """What each step makes of place and rate in the rotating frame, (6 n, 6 n)."""
+    a, nodes = _radau(3)
+    h = 2.0 * pi / steps
+    when = h * (np.arange(steps)[:, None] + nodes)
+    damping, stiffness = _linearised(motion, n, when.ravel())
+    p, s = 3 * n, nodes.size
+    damping = damping.reshape(steps, s, p, p)
+    stiffness = stiffness.reshape(steps, s, p, p)
+    twice = a @ a
+    maps = []
+    for c, k in zip(damping, stiffness, strict=True):
+        # For the accelerations at the stages, of which the rates are a, the places twice the sums.
+        left = h * a[:, None, :, None] * c[:, :, None, :]
+        left = left + h * h * twice[:, None, :, None] * k[:, :, None, :]
+        left = left.reshape(s * p, s * p)
+        left[np.diag_indices(s * p)] += 1.0
+        right = np.concatenate([-k, -c - h * nodes[:, None, None] * k], axis=2)
+        pushed = np.linalg.solve(left, right.reshape(s * p, 2 * p)).reshape(s, p, 2 * p)
+        step = np.eye(2 * p)
+        step[:p, p:] += h * np.eye(p)
+        step[:p] += h * h * np.tensordot(twice[-1], pushed, 1)
+        step[p:] += h * np.tensordot(a[-1], pushed, 1)
+        maps.append(step)
+    return maps
+
+
+def _linearised(motion: PeriodicMotion, n: int, when):
+    """Damping and stiffness of small motions in the rotating frame at k times, (k, 3 n, 3 n)."""
+    p = motion.parameters
+    f = _functions(n, p.length, p.end_mass)
+    waves = fourier(motion.values)
+    here, rate = at_times(waves, when), at_times(waves, when, 1)
+    velocity = motion.path.motion(when)[1] - [motion.path.air_velocity, 0.0, 0.0]
+
+    def at_nodes(values, order):
+        """In the rotating frame, (k, q, 3)."""
+        return _back(np.moveaxis(at_arc_lengths(values, p.length, f.nodes, order), 1, -1), when)
+
+    through = at_nodes(rate, 0) + _back(velocity[:, None, :], when)
+    local = forces(p, at_nodes(here, 1), through, at_nodes(rate, 1))
+    _, by_ball = end_drag(p, _back(velocity + rate[:, :, 0], when))
+
+    def pairs(test, shape, field):
+        products = (test[:, None] * shape[None, :] * f.weights).reshape(n * n, -1)
+        blocks = products @ field.reshape(when.size, f.nodes.size, 9)
+        blocks = np.moveaxis(blocks.reshape(when.size, n, n, 3, 3), 3, 2)
+        return blocks.reshape(when.size, 3 * n, 3 * n)
+
+    damping = pairs(f.value, f.value, local.drag_by_v)
+    if p.damping:
+        damping += pairs(f.slope, f.slope, local.pull_by_rate)
+    ends = np.outer(f.at_end, f.at_end)
+    damping += np.einsum("rs,kab->krasb", ends, by_ball).reshape(damping.shape)
+    stiffness = pairs(f.value, f.slope, local.drag_by_slope)
+    stiffness += pairs(f.slope, f.slope, local.pull_by_slope)
+    spin = np.kron(np.eye(n), _SPIN)
+    return damping + 2.0 * spin, stiffness + damping @ spin + spin @ spin
+
+
+def _back(vectors: np.ndarray, when: np.ndarray) -> np.ndarray:
+    """Vectors (k, ..., 3) at k times, turned back by the angle of a mean turn."""
+    flat = vectors[..., 0] + 1j * vectors[..., 1]
+    flat = flat * np.exp(-1j * when).reshape(-1, *[1] * (flat.ndim - 1))
+    return np.stack([flat.real, flat.imag, vectors[..., 2]], axis=-1)
+
+
+@dataclass(frozen=True)
+class _Functions:
+    """n functions over the whole cable, orthonormal in the mass form: those of the vibration."""
+
+    nodes: np.ndarray
+    weights: np.ndarray
+    value: np.ndarray
+    slope: np.ndarray
+    at_end: np.ndarray
+
+
+@lru_cache(maxsize=32)
+def _functions(n: int, length: float, end_mass: float) -> _Functions:
+    x, w = np.polynomial.legendre.leggauss(2 * n + 8)
+    nodes, weights = 0.5 * (x + 1.0) * length, 0.5 * w * length
+    # The end mass's place is one more, without weight.
+    places = np.append(nodes, 0.0)
+    value, slope = np.empty((n, places.size)), np.empty((n, places.size))
+    basis(n, length, places, value, slope)
+    mass = (value[:, :-1] * weights) @ value[:, :-1].T
+    mass += end_mass * np.outer(value[:, -1], value[:, -1])
+    lower = np.linalg.cholesky(mass)
+    value, slope = np.linalg.solve(lower, value), np.linalg.solve(lower, slope)
+    return _Functions(nodes, weights, value[:, :-1], slope[:, :-1], value[:, -1])
+
+
+@lru_cache(maxsize=4)
+def _radau(stages: int) -> tuple[np.ndarray, np.ndarray]:
+    """Radau's method IIA: the matrix, whose last row has the weights, and the nodes."""
+    legendre = np.polynomial.legendre.Legendre
+    nodes = 0.5 * (np.sort((legendre.basis(stages) - legendre.basis(stages - 1)).roots()) + 1.0)
+    powers = np.arange(stages)
+    integrals = nodes[:, None] ** (powers + 1) / (powers + 1)
+    return integrals @ np.linalg.inv(nodes[:, None] ** powers), nodes

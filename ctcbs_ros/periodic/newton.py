@@ -1,0 +1,169 @@
+"""Newton's method for a periodic motion at a fixed number of elements and of times.
+
+Collocation in time, finite elements along the cable. The elements are eliminated one after the
+other from the end mass up, each with all times at once, so that the work is in proportion to their
+number. A factorisation serves several steps as soon as they are short.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from ctcbs_ros.kernels.cable_waves import element_matrix
+from ctcbs_ros.periodic.elements import DEGREE, Elements, elements
+from ctcbs_ros.periodic.forces import end_drag, forces
+from ctcbs_ros.periodic.fourier import derivative, times
+from ctcbs_ros.periodic.tow_path import TowPath
+from ctcbs_ros.solver.blas import one_blas_thread
+from ctcbs_ros.solver.parameters import Parameters
+
+# Longest last correction of any coefficient [a]; the error left is about its square.
+_TOLERANCE = 1e-9
+# Where stiffness leaves no more digits: shorter than this, and no longer falling.
+_ROUNDING = 1e-7
+# Corrections below this are made with the matrix of the step before.
+_SHORT = 2e-3
+# A longer one than this leaves what can be told from here.
+_LONGEST = 3.0
+_MOST_STEPS = 14
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What Newton's method has found: `values` (k, 3, n), the least tension, steps taken."""
+
+    values: np.ndarray
+    least_tension: float
+    steps: int
+
+
+def newton(parameters: Parameters, path: TowPath, guess: np.ndarray) -> Solved | None:
+    """Correct a guess of the motion; None where that leads nowhere.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    path : TowPath
+    guess : (k, 3, n) ndarray
+        Coefficients of the functions of `elements` at k times, k odd.
+    """
+    with one_blas_thread():
+        return _newton(parameters, path, guess)
+
+
+def _newton(p, path, guess):
+    count, _, n = guess.shape
+    e = elements(p.length, n // DEGREE)
+    when, first = times(count), derivative(count)
+    _, velocity, acceleration = path.motion(when)
+    velocity = velocity - [path.air_velocity, 0.0, 0.0]
+    c = guess.copy()
+    factors, before = None, np.inf
+    for step in range(1, _MOST_STEPS + 1):
+        anew = factors is None or before > _SHORT
+        residual, damping, stiffness, least = _assembled(
+            p, e, velocity, acceleration, first, c, anew
+        )
+        if not np.all(np.isfinite(residual)):
+            return None
+        if anew:
+            factors = _eliminated(e, p.end_mass, first, damping, stiffness)
+            if factors is None:
+                return None
+        change = -_substituted(factors, residual)
+        size = np.abs(change).max()
+        if not size < min(_LONGEST, 4.0 * before):
+            return None
+        c += change
+        if size < _TOLERANCE or (size < _ROUNDING and size > 0.3 * before):
+            return Solved(c, least, step)
+        if not anew and size > 0.3 * before:
+            factors = None
+        before = size
+    return None
+
+
+def _assembled(p, e: Elements, velocity, acceleration, first, c, wanted):
+    """Residual (k, 3, n), and by element damping and stiffness (k, count, f, 3, f, 3)."""
+    k = c.shape[0]
+    rate = np.tensordot(first, c, 1)
+    again = np.tensordot(first, rate, 1)
+    here, moving, pushed = e.spread(c), e.spread(rate), e.spread(again)
+
+    def at_points(coefficients, basis):
+        return np.moveaxis(coefficients @ basis, 1, -1)  # (k, count, q, 3)
+
+    v = at_points(moving, e.value) + velocity[:, None, None, :]
+    local = forces(p, at_points(here, e.slope), v, at_points(moving, e.slope), wanted)
+    ball, by_ball = end_drag(p, velocity + rate[:, :, 0])
+    weighed = e.value * e.weights
+    inertia = at_points(pushed, e.value) + acceleration[:, None, None, :]
+    inertia[..., 2] += p.density / p.omega**2
+    by_element = weighed @ (inertia + local.drag) + (e.slope * e.weights) @ local.pull
+    residual = np.zeros((k, e.functions + 1, 3))
+    for f in range(DEGREE + 1):
+        residual[:, f : f + e.functions : DEGREE][:, : e.count] += by_element[:, :, f]
+    residual[:, 0] += p.end_mass * (again[:, :, 0] + acceleration) + ball
+    residual[:, 0, 2] += p.end_weight / p.omega**2
+    residual = np.moveaxis(residual[:, :-1], 1, 2)
+    if not wanted:
+        return residual, None, None, local.least_tension
+
+    def pairs(test, shape, field):
+        products = (test[:, None] * shape[None, :] * e.weights).reshape(-1, e.weights.size)
+        blocks = products @ field.reshape(k, e.count, -1, 9)
+        blocks = blocks.reshape(k, e.count, DEGREE + 1, DEGREE + 1, 3, 3)
+        return np.moveaxis(blocks, 3, 4)
+
+    damping = pairs(e.value, e.value, local.drag_by_v)
+    if p.damping:
+        damping = damping + pairs(e.slope, e.slope, local.pull_by_rate)
+    damping[:, 0, 0, :, 0, :] += by_ball
+    stiffness = pairs(e.value, e.slope, local.drag_by_slope)
+    stiffness = stiffness + pairs(e.slope, e.slope, local.pull_by_slope)
+    return residual, damping, stiffness, local.least_tension
+
+
+def _eliminated(e: Elements, end_mass, first, damping, stiffness):
+    """Factors of the whole matrix, element by element; None where one is singular."""
+    second = first @ first
+    k = first.shape[0]
+    own, size = 3 * k * DEGREE, 3 * k * (DEGREE + 1)
+    carried = None
+    factors = []
+    for i in range(e.count):
+        mass = (e.value * e.weights) @ e.value.T
+        if i == 0:
+            mass[0, 0] += end_mass
+        matrix = np.empty((size, size))
+        element_matrix(first, second, mass, damping[:, i], stiffness[:, i], matrix)
+        matrix = matrix.T
+        if carried is not None:
+            matrix[: 3 * k, : 3 * k] += carried
+        lu, pivots, info = dgetrf(matrix[:own, :own])
+        if info != 0:
+            return None
+        if i == e.count - 1:
+            factors.append((lu, pivots, None, None))
+            break
+        below = matrix[own:, :own]
+        beside, _ = dgetrs(lu, pivots, matrix[:own, own:])
+        carried = matrix[own:, own:] - below @ beside
+        factors.append((lu, pivots, below, beside))
+    return factors
+
+
+def _substituted(factors, residual: np.ndarray) -> np.ndarray:
+    """The solution for a right-hand side (k, 3, n), in that shape."""
+    k, _, n = residual.shape
+    # Functions, coordinates, times: as the matrices have them.
+    right = np.ascontiguousarray(np.moveaxis(residual, 0, 2).swapaxes(0, 1)).reshape(n, 3 * k)
+    right = right.reshape(len(factors), -1).copy()
+    for i, (lu, pivots, below, _) in enumerate(factors):
+        right[i], _ = dgetrs(lu, pivots, right[i])
+        if below is not None:
+            right[i + 1, : 3 * k] -= below @ right[i]
+    for i in range(len(factors) - 2, -1, -1):
+        right[i] -= factors[i][3] @ right[i + 1, : 3 * k]
+    return np.moveaxis(right.reshape(n, 3, k), 2, 0).swapaxes(1, 2).copy()

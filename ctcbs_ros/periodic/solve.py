@@ -1,0 +1,236 @@
+"""The periodic motion in a steady wind, continued in wind from the steady state in still air.
+
+With more functions and times until the end mass moves no more, or from a motion nearby.
+"""
+
+from dataclasses import dataclass
+from math import atan2, cos, hypot, inf, isfinite, sin
+
+import numpy as np
+
+from ctcbs_ros.errors import InputError
+from ctcbs_ros.periodic.elements import DEGREE, at_arc_lengths, interpolated
+from ctcbs_ros.periodic.fourier import fourier, resampled, times
+from ctcbs_ros.periodic.motion import PeriodicMotion
+from ctcbs_ros.periodic.newton import Solved, newton
+from ctcbs_ros.periodic.tow_path import GROUND_SPEED, TowPath
+from ctcbs_ros.solver.parameters import Parameters
+from ctcbs_ros.solver.steady_state import SteadyState
+
+# By how much the end mass may be off [a]: what is aimed at, and what is still called converged.
+ACCURACY, CONVERGED = 1e-5, 1e-3
+# Numbers of elements tried on the steady state. The result has enough to give it to this share of
+# the accuracy asked for: there is more to resolve in a wind.
+_ELEMENTS, _SHARE = (2, 3, 4, 6, 8, 12, 16, 24), 0.01
+# Times of a turn that a continuation begins with, and the error in still air that its number of
+# elements is for; then what is tried where those do not suffice.
+_LADDER = ((13, 1e-3), (21, 1e-6), (33, 1e-7))
+_STILL = 3  # times that hold a motion that is steady in the rotating frame
+# Most times, and most elements: a matrix of one element takes 20 MB, all of them some seconds.
+_MOST_TIMES, _MOST_ELEMENTS = 81, 48
+# Wind, as a fraction of the tow speed: the first step, the longest and the shortest.
+_FIRST, _LONGEST, _SHORTEST = 0.05, 0.1, 2e-3
+# Compression that is not taken for the error of few elements, in end weights.
+_SLACK = 0.3
+# What the orders left out may come to, as a multiple of the last ones there.
+_TAIL = 5.0
+# Most times added at once.
+_MORE_TIMES = 16
+
+
+@dataclass(frozen=True)
+class Found:
+    """A periodic motion, or None with the reason."""
+
+    motion: PeriodicMotion | None
+    reason: str
+
+
+def periodic_motion(
+    state: SteadyState, path: TowPath, accuracy: float = ACCURACY
+) -> Found:
+    """The motion that a steady state becomes as the wind rises.
+
+    Parameters
+    ----------
+    state : SteadyState
+        In still air, of a cable that stretches.
+    path : TowPath
+        With the wind.
+    accuracy : float
+        Functions and times are added until the end mass moves by less [a].
+
+    Returns
+    -------
+    Found
+
+    Raises
+    ------
+    InputError
+        If the cable does not stretch.
+    """
+    p = state.parameters
+    if not p.elastic:
+        raise InputError(
+            "elasticity: inf is not allowed, the periodic motion is that of a cable that stretches"
+        )
+    if not (isfinite(accuracy) and accuracy > 0.0):
+        raise InputError(f"accuracy: {accuracy:g} is not allowed, it must be above 0 and finite")
+    limit, found = "", None
+    _, enough = _in_still_air(state, _SHARE * accuracy)
+    for count, error in _LADDER:
+        still, _ = _in_still_air(state, error)
+        if still is None:
+            return Found(None, "Newton's method does not find the steady state in still air again")
+        wind, reached = _continued(p, path, resampled(still, count))
+        if wind < path.wind:
+            limit = (
+                f"Newton's method does not converge beyond a wind of {wind:.3g} of the tow speed, "
+                f"where the least tension is {max(reached.least_tension, 0.0) / p.end_weight:.2g} "
+                "of the end weight"
+            )
+            continue
+        found = _judged(_refined(p, path, reached, enough, accuracy))
+        if found.motion is not None:
+            return found
+    return Found(None, limit or found.reason)
+
+
+def followed(motion: PeriodicMotion, parameters: Parameters, path: TowPath) -> Found:
+    """The motion of other parameters or another wind nearby, with as many functions and times.
+
+    Parameters
+    ----------
+    motion : PeriodicMotion
+    parameters : Parameters
+    path : TowPath
+
+    Returns
+    -------
+    Found
+        Its residual is that of the motion it started from, or more where the highest orders have
+        grown.
+    """
+    solved = newton(parameters, path, _moved(motion, parameters))
+    if solved is None:
+        return Found(None, "Newton's method does not converge from the motion before")
+    residual = max(motion.residual, _tail(solved.values)[0])
+    return _judged(
+        PeriodicMotion(parameters, path, solved.values, residual, solved.least_tension)
+    )
+
+
+def _judged(motion: PeriodicMotion) -> Found:
+    """Refuse what is no motion of a cable."""
+    if not motion.residual <= CONVERGED:
+        known = f" (uncertain by {motion.residual:.2g} of the tow radius)"
+        return Found(
+            None, "the end mass still moves with more functions and times than are allowed"
+            + (known if isfinite(motion.residual) else ""),
+        )  # fmt: skip
+    if not motion.least_tension > 0.0:
+        return Found(None, "the cable goes slack in this wind")
+    return Found(motion, "")
+
+
+def _moved(motion: PeriodicMotion, p: Parameters) -> np.ndarray:
+    """The same shape for a cable of another length: as far along it, in proportion."""
+    return motion.values * (p.length / motion.parameters.length)
+
+
+def _in_still_air(state: SteadyState, error: float) -> tuple[np.ndarray | None, int]:
+    """The steady state at three times, (3, 3, n), in as many functions as give it so well."""
+    p, path = state.parameters, TowPath(GROUND_SPEED, 0.0)
+    lag, solved = state.phase_lag, None
+    expected = np.array(
+        [state.end_mass_radius * cos(lag), -state.end_mass_radius * sin(lag), -state.depth]
+    )
+    for count in _ELEMENTS:
+        solved = newton(p, path, _projected(state, count)) or solved
+        if solved is not None:
+            end = solved.values[0, :, 0] + [1.0, 0.0, 0.0]
+            if np.abs(end - expected).max() < error:
+                break
+    return (None, 0) if solved is None else (solved.values, solved.values.shape[2] // DEGREE)
+
+
+def _projected(state: SteadyState, count: int) -> np.ndarray:
+    """The steady state's shape in a number of elements, in the ground frame, (3, 3, n)."""
+    length = state.parameters.length
+    top = state.cable([length])[0][0]
+
+    def turned(arc_lengths):
+        """Positions relative to the tow point while that is on the x axis, (3, k)."""
+        order = np.argsort(arc_lengths)
+        positions = np.empty((arc_lengths.size, 3))
+        positions[order] = state.cable(arc_lengths[order])[0]
+        back = (positions[:, 0] + 1j * positions[:, 1]) * np.exp(-1j * atan2(top[1], top[0]))
+        return np.stack([back.real - hypot(top[0], top[1]), back.imag, positions[:, 2] - top[2]])
+
+    x, y, z = interpolated(turned, length, count)
+    flat = np.multiply.outer(np.exp(1j * times(_STILL)), x + 1j * y)
+    return np.stack([flat.real, flat.imag, np.broadcast_to(z, flat.shape)], axis=1)
+
+
+def _continued(p: Parameters, path: TowPath, still: np.ndarray) -> tuple[float, Solved]:
+    """Raise the wind: how far Newton's method or a slack cable let it, and the motion there."""
+    wind, step, before = 0.0, _FIRST, None
+    here = newton(p, TowPath(path.kind, 0.0), still) or Solved(still, 0.0, 0)
+    while wind < path.wind and here.least_tension > -_SLACK * p.end_weight:
+        # No last step that is too short to tell a direction from.
+        there = path.wind if path.wind - wind < 1.5 * step else wind + step
+        guess = here.values
+        if before is not None:
+            guess = guess + (guess - before[0]) * (there - wind) / (wind - before[1])
+        found = newton(p, TowPath(path.kind, there), guess)
+        if found is None:
+            step *= 0.4
+            if step < _SHORTEST:
+                break
+            continue
+        before, here, wind = (here.values, wind), found, there
+        step = min(_LONGEST, step * (1.6 if found.steps <= 6 else 1.0))
+    return wind, here
+
+
+def _refined(p, path, solved: Solved, enough: int, accuracy: float) -> PeriodicMotion:
+    """Add elements and times until the end mass moves no more."""
+    values, least, residual = solved.values, solved.least_tension, inf
+    while residual > accuracy:
+        count, parts = _more(values, enough, accuracy)
+        if count > _MOST_TIMES or parts > _MOST_ELEMENTS:
+            break
+        finer = newton(p, path, _in_more(values, count, parts, p.length))
+        if finer is None:
+            break
+        ends = (resampled(v[:, :, 0], 2 * count + 1) for v in (values, finer.values))
+        moved = float(np.abs(np.subtract(*ends)).max())
+        values, least = finer.values, finer.least_tension
+        residual = max(moved, _tail(values)[0])
+    return PeriodicMotion(p, path, values, residual, least)
+
+
+def _more(values, enough: int, accuracy: float) -> tuple[int, int]:
+    """How many times and elements to go on with."""
+    count, parts = values.shape[0], values.shape[2] // DEGREE
+    tail, falls = _tail(values)
+    if tail > 0.5 * accuracy:
+        orders = np.log(tail / (0.2 * accuracy)) / -np.log(falls)
+        count += min(max(2 * int(np.ceil(orders)), 4), _MORE_TIMES)
+    return count, max(parts + (parts + 2) // 3, enough)
+
+
+def _in_more(values, count: int, parts: int, length: float) -> np.ndarray:
+    """The same motion in other numbers of times and elements."""
+    finer = resampled(values, count)
+    if parts * DEGREE == values.shape[2]:
+        return finer
+    return interpolated(lambda s: at_arc_lengths(finer, length, s), length, parts)
+
+
+def _tail(values: np.ndarray) -> tuple[float, float]:
+    """What the orders left out may move the end mass by, and the factor an order falls by."""
+    waves = np.abs(fourier(values[:, :, 0])).max(axis=1)
+    last, before = waves[-2:].max(), waves[-4:-2].max()
+    falls = np.sqrt(last / before) if before > last else 0.9
+    return _TAIL * float(last), float(np.clip(falls, 0.1, 0.9))
