@@ -15,7 +15,6 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_sensor_data
-from rclpy.task import Future
 from sensor_msgs.msg import NavSatFix
 
 from ctcbs_ros.configuration import Configuration, configuration_from_mapping
@@ -55,8 +54,8 @@ class PredictorNode(Node):
 
     Attributes
     ----------
-    finished : Future
-        Done when the node's log has been replayed and replay.exit_at_end is set.
+    finished : bool
+        Whether the node's log has been replayed and replay.exit_at_end is set.
 
     Raises
     ------
@@ -68,7 +67,7 @@ class PredictorNode(Node):
         super().__init__("predictor", automatically_declare_parameters_from_overrides=True)
         self._values: dict[str, Any] = declare_parameters(self)
         configuration = self._configuration(self._values)
-        self.finished = Future()
+        self.finished = False
         self._monitor = Monitor()
         self._journal = Journal(self.get_logger())
         self._last_sample_at = None
@@ -196,7 +195,7 @@ class PredictorNode(Node):
 
     def _finish(self) -> None:
         if self._values["replay.exit_at_end"]:
-            self.finished.set_result(None)
+            self.finished = True
 
     # --- diagnostics ----------------------------------------------------------------------------
 
