@@ -111,3 +111,19 @@ def clean(log, tmp_path_factory):
     assert found.summary["samples"] == faults_log.count(log)
     assert found.valid > 100
     return found
+
+
+@pytest.fixture
+def link():
+    """Opens links and closes them after the test."""
+    from ctcbs_ros.telemetry.mavlink import open_link
+
+    opened = []
+
+    def open_it(*args, **kwargs):
+        opened.append(open_link(*args, **kwargs))
+        return opened[-1]
+
+    yield open_it
+    for source in opened:
+        source.close()
