@@ -52,14 +52,21 @@ def _diameter(configuration: Configuration, value: float) -> dict:
     return changed
 
 
-def _end(key: str, end: int) -> Callable[[Configuration, float], dict]:
-    """One end of a range of the envelope moved inwards."""
-    def apply(configuration, value):
-        ends = list(getattr(configuration.envelope, key.split(".")[1]))
-        ends[end] = value
-        return {key: tuple(ends)}
+def _narrower(name: str, quantity: str, unit: str, range_name: str, end: int) -> Change:
+    """A range of the envelope with one end (0 or 1) moved inwards, almost to the other."""
+    def ends(configuration):
+        return getattr(configuration.envelope, range_name)
 
-    return apply
+    def apply(configuration, value):
+        moved = list(ends(configuration))
+        moved[end] = value
+        return {f"envelope.{range_name}": tuple(moved)}
+
+    def furthest(configuration):
+        low, high = ends(configuration)
+        return 1.001 * low if end else high / 1.001
+
+    return Change(name, quantity, unit, apply, lambda c: ends(c)[end], furthest)
 
 
 def _shifted(key: str) -> Callable[[Configuration, float], dict]:
@@ -119,22 +126,10 @@ CHANGES = (
         lambda c: c.cable.breaking_tension, lambda c: min(20.0 * c.cable.breaking_tension, 1e7),
         "at the same diameter, density and stiffness",
     ),
-    Change(
-        "smaller largest radius", "tow radius", "m", _end("envelope.radius", 1),
-        lambda c: c.envelope.radius[1], lambda c: 1.001 * c.envelope.radius[0],
-    ),
-    Change(
-        "larger smallest radius", "tow radius", "m", _end("envelope.radius", 0),
-        lambda c: c.envelope.radius[0], lambda c: c.envelope.radius[1] / 1.001,
-    ),
-    Change(
-        "lower top speed", "speed", "m/s", _end("envelope.speed", 1),
-        lambda c: c.envelope.speed[1], lambda c: 1.001 * c.envelope.speed[0],
-    ),
-    Change(
-        "higher least speed", "speed", "m/s", _end("envelope.speed", 0),
-        lambda c: c.envelope.speed[0], lambda c: c.envelope.speed[1] / 1.001,
-    ),
+    _narrower("smaller largest radius", "tow radius", "m", "radius", 1),
+    _narrower("larger smallest radius", "tow radius", "m", "radius", 0),
+    _narrower("lower top speed", "speed", "m/s", "speed", 1),
+    _narrower("higher least speed", "speed", "m/s", "speed", 0),
     Change(
         "tighter circles", "smallest tow radius", "m", _shifted("envelope.radius"),
         lambda c: c.envelope.radius[0], lambda c: c.envelope.radius[0] / 3.0,
