@@ -81,7 +81,7 @@ def spin(node) -> None:
     """Run a node's callbacks until it is finished, or its context shut down.
 
     Not by rclpy's own loop until a future is done: that leaves a callback on the future each time
-    it is woken (rclpy issue 1371), 1 GB in a day beside a live link.
+    it is woken (rclpy issue 1371), 1.2 GB in a day beside a live link.
     """
     from rclpy.executors import SingleThreadedExecutor
 
