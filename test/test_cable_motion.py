@@ -208,10 +208,11 @@ def least_damped(state, n, span, settle, modes, disturbance=1e-5):
         ({**figure_4_1(1.33, 2.0), "gamma": 6e4}, 0, 130.0, 60.0, 4, (40, 80)),
         ({**figure_4_1(1.33, 3.4), "gamma": 600.0}, 0, 90.0, 40.0, 4, (40, 80)),
         ({**figure_4_1(1.33, 1.9), "gamma": 600.0}, 0, 150.0, 70.0, 4, (40, 80)),
+        ({**figure_4_1(2.0, 3.6), "gamma": 600.0}, 0, 150.0, 70.0, 4, (40, 80)),
         (STRETCHED, 0, 120.0, 40.0, 4, (20, 40)),
     ],
     ids=["divergence", "divergence-rigid", "flutter", "flutter-rigid", "flutter-wide", "edge",
-         "stable"],
+         "flutter-2", "stable"],
 )
 def test_a_small_disturbance_goes_as_the_eigenvalue_says(
     point, which, span, settle, modes, segments
@@ -221,6 +222,15 @@ def test_a_small_disturbance_goes_as_the_eigenvalue_says(
     found = extrapolate(*(least_damped(state, n, span, settle, modes) for n in segments))
     assert found[0] == pytest.approx(expected.growth_rate, rel=0.02)
     assert found[1] == pytest.approx(expected.frequency, rel=0.02, abs=1e-6)
+
+
+def test_a_disturbance_dies_in_the_stable_case_of_figure_4_1_as_the_eigenvalue_says():
+    # thesis Fig. 4.1: d_n 3 is stable
+    state = steady_states(parameters({**figure_4_1(3.0, 2.0), "gamma": 600.0})).states[0]
+    expected = stability(state, functions=(40,))
+    found = extrapolate(*(least_damped(state, n, 100.0, 40.0, 4, 1e-3) for n in (40, 80)))
+    assert expected.growth_rate < -0.03
+    assert found == pytest.approx([expected.growth_rate, expected.frequency], rel=0.02)
 
 
 def between_folds(omega):

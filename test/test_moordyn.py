@@ -14,6 +14,10 @@ from reference_lumped_mass import extrapolate
 
 from ctcbs_ros.bench.cable_rows import entry
 from ctcbs_ros.bench.peer_moordyn import DENSITY, RAMP, tow
+from ctcbs_ros.dynamics.cable import drive, simulate
+from ctcbs_ros.dynamics.equilibrium import equilibrium
+from ctcbs_ros.dynamics.line import line_of
+from ctcbs_ros.dynamics.signal import circle, constant
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
 
@@ -67,3 +71,26 @@ def test_an_entry_into_the_circle_is_moordyns_all_the_way(point, duration, step,
     assert found[:, :2] == pytest.approx(expected[:, :2], rel=1e-3)
     assert np.abs(np.exp(1j * found[:, 2]) - np.exp(1j * expected[:, 2])).max() < 1e-3
     assert found[-1] == pytest.approx(expected[-1], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("point", "wind", "duration", "downwind"),
+    # physics: 2.5 and 5 m/s move the design example's mass by 0.6 and 1.3 of the tow radius, and
+    # near the bounce's resonance a stretching cable's goes slightly upwind
+    [(design(250.0), 0.05, 500.0, 0.6), (design(250.0), 0.1, 500.0, 1.3),
+     (STRETCHED, 0.1, 900.0, -0.05)],
+    ids=["design", "design-more", "upwind"],
+)  # fmt: skip
+def test_in_wind_the_mass_goes_round_as_moordyns_does(point, wind, duration, downwind, tmp_path):
+    towed = tow(tmp_path, parameters(point), 40, duration, wind=wind)
+    p = parameters({**point, "rho": DENSITY}, damping=towed.damping)
+    (state,) = steady_states(p).states
+    angles = towed.history[:, 0]
+    # the last orbit of each, at the same angles of the tow point
+    last = angles > angles[-1] - 2.0 * pi
+    times = angles[last] - angles[last][0] + angles[last][0] % (2.0 * pi) + 60.0 * 2.0 * pi
+    line = line_of(p, drag_at_nodes=True)
+    driven = drive(line, circle(1.0, 1.0, 0.0, times[-1]), constant([wind, 0.0, 0.0]))
+    found = simulate(line, driven, equilibrium(state, 40, drag_at_nodes=True), times)
+    assert found.positions[:, 0] == pytest.approx(towed.positions[last], abs=2e-5)
+    assert found.positions[:, 0, 0].mean() == pytest.approx(downwind, rel=0.2)

@@ -2,13 +2,14 @@
 
 Its sea has the density of air and is deep enough, the line's added mass and tangential drag are
 zero, and its top end is moved along the circle. The line starts hanging at rest; where it settles,
-MoorDyn has found by itself.
+MoorDyn has found by itself. In wind the circle is that of the frame in which the air rests: it
+moves against the wind.
 """
 
 import os
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import atan2, cos, hypot, pi, sin, sqrt
+from math import cos, pi, sin, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -61,11 +62,14 @@ class Towed:
         The line's dashpots, as `Parameters.damping`.
     history : (n, 4) ndarray
         Angle flown [rad], non-dimensional radius and depth and lag of the mass, every 0.1 s.
+    positions : (n, 3) ndarray
+        Of the mass against the circle's centre, over the tow radius, at the same times.
     """
 
     rate: float
     damping: float
     history: np.ndarray
+    positions: np.ndarray
 
     @property
     def end(self) -> np.ndarray:
@@ -74,7 +78,7 @@ class Towed:
 
 
 def tow(folder: Path, parameters: Parameters, segments: int, duration: float,
-        step: float = 0.01, damping: float = 17.0) -> Towed:  # fmt: skip
+        step: float = 0.01, damping: float = 17.0, wind: float = 0.0) -> Towed:  # fmt: skip
     """Tow a line of an elastic parameter point for a number of seconds.
 
     Parameters
@@ -88,6 +92,8 @@ def tow(folder: Path, parameters: Parameters, segments: int, duration: float,
         [s]
     damping : float
         Of the line's axial dashpots, BA [N s].
+    wind : float
+        Over the tow speed, towards +x; it rises as the rate does.
     """
     import moordyn
 
@@ -108,42 +114,46 @@ def tow(folder: Path, parameters: Parameters, segments: int, duration: float,
     with _quiet():
         system = moordyn.Create(str(file))
     try:
-        history = _flown(moordyn, system, rate, duration, step)
+        angles, positions = _flown(moordyn, system, rate, duration, step, wind)
     finally:
         with _quiet():
             moordyn.Close(system)
-    return Towed(rate, damping / stiffness * rate, history)
+    x, y, z = positions.T
+    lag = (angles - np.arctan2(y, x)) % (2.0 * pi)
+    history = np.column_stack([angles, np.hypot(x, y), -z, lag])
+    return Towed(rate, damping / stiffness * rate, history, positions)
 
 
 def _angle(rate, t):
     return rate * (t * t / (2.0 * RAMP) if t < RAMP else t - 0.5 * RAMP)
 
 
-def _tow_point(rate, t):
+def _tow_point(rate, t, wind):
     angle = _angle(rate, t)
-    return [RADIUS * cos(angle), RADIUS * sin(angle), TOW_HEIGHT]
+    return [RADIUS * (cos(angle) - wind * angle), RADIUS * sin(angle), TOW_HEIGHT]
 
 
-def _flown(moordyn, system, rate, duration, step):
+def _flown(moordyn, system, rate, duration, step, wind):
+    """Angles flown (n,), and positions of the mass against the circle's centre (n, 3)."""
     moordyn.SetVerbosity(system, moordyn.LEVEL_NONE)
-    here = _tow_point(rate, 0.0)
+    here = _tow_point(rate, 0.0, wind)
     with _quiet():
         if moordyn.Init(system, here, [0.0, 0.0, 0.0]) != 0:
             raise ArithmeticError("MoorDyn found no initial state")
     mass = moordyn.GetPoint(system, 1)
     every = round(0.1 / step)
-    history = []
+    angles, positions = [], []
     for i in range(round(duration / step)):
-        there = _tow_point(rate, (i + 1) * step)
+        there = _tow_point(rate, (i + 1) * step, wind)
         velocity = [(b - a) / step for a, b in zip(here, there, strict=True)]
         moordyn.Step(system, here, velocity, i * step, step)
         here = there
         if (i + 1) % every == 0:
             x, y, z = moordyn.GetPointPos(mass)
-            angle = _angle(rate, (i + 1) * step)
-            lag = (angle - atan2(y, x)) % (2.0 * pi)
-            history.append((angle, hypot(x, y) / RADIUS, (TOW_HEIGHT - z) / RADIUS, lag))
-    return np.array(history)
+            angles.append(_angle(rate, (i + 1) * step))
+            centre = -wind * angles[-1]
+            positions.append((x / RADIUS - centre, y / RADIUS, (z - TOW_HEIGHT) / RADIUS))
+    return np.array(angles), np.array(positions)
 
 
 @contextmanager
