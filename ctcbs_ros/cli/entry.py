@@ -5,7 +5,6 @@ from dataclasses import asdict, replace
 from math import degrees, inf, isfinite, radians
 
 import numpy as np
-from tqdm import tqdm
 
 from ctcbs_ros.cli.cable_units import units_and_parameters, vector
 from ctcbs_ros.cli.numbers import number
@@ -70,6 +69,7 @@ def add_parser(subparsers) -> None:
 
 def run(args) -> int:
     """Simulate the entry, and print what it comes to."""
+    from ctcbs_ros.cli.cable_run import progress
     from ctcbs_ros.dynamics.entry import enter
 
     units, parameters = units_and_parameters(args)
@@ -78,7 +78,7 @@ def run(args) -> int:
         raise InputError(f"--height: {args.height:g} is not allowed, it must be finite")
     manoeuvre = _manoeuvre(args, units, parameters)
     try:
-        with _bar() as bar:
+        with progress("entry") as bar:
             entry = enter(parameters, manoeuvre, wind, args.orbits, args.segments,
                           tell=lambda part: bar.update(part - bar.n))  # fmt: skip
     except ArithmeticError as error:
@@ -92,11 +92,6 @@ def run(args) -> int:
     else:
         _print(result, units)
     return 0
-
-
-def _bar():
-    shown = "{desc}: {percentage:.0f}%|{bar}| {elapsed}"
-    return tqdm(total=1.0, desc="entry", bar_format=shown, leave=False, delay=1.0)
 
 
 def _manoeuvre(args, units, parameters):

@@ -84,7 +84,8 @@ def add_parser(subparsers) -> None:
 
 def run(args) -> int:
     """Simulate, and print what came of it."""
-    from ctcbs_ros.dynamics.cable import drive, simulate
+    from ctcbs_ros.cli.cable_run import simulate_showing
+    from ctcbs_ros.dynamics.cable import drive
     from ctcbs_ros.dynamics.line import line_of
     from ctcbs_ros.dynamics.settled import outcome, passage
 
@@ -107,7 +108,7 @@ def run(args) -> int:
     count = max(2, round((last - first) / period * _A_PERIOD) + 1)
     times = np.linspace(first, last, count)
     try:
-        motion = simulate(line, driven, state, times, args.tolerance)
+        motion = simulate_showing(line, driven, state, times, args.tolerance)
     except ArithmeticError as error:
         print(f"ctcbs: error: {error}", file=sys.stderr)
         return 1
