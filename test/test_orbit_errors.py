@@ -131,14 +131,38 @@ def test_the_phase_is_that_of_a_weighted_line_through_the_newest_part():
 def test_a_turn_begins_where_straight_flight_ends_and_reaches_no_further_than_the_window():
     turning = np.linspace(0.0, 12.0, 121)
     course = np.concatenate([np.zeros(30), turning])
-    assert turn_start(course, 100.0)[0] == 0
-    kept, start = turn_start(course, 100.0)
+    time = np.arange(len(course), dtype=float)
+    assert turn_start(time, course, 100.0)[0] == 0
+    kept, start = turn_start(time, course, 100.0)
     assert 30 <= start <= 34  # 3 % and 0.02 rad of the turn may be lost
-    kept, start = turn_start(course, 6.5)
+    kept, start = turn_start(time, course, 6.5)
     assert course[kept] == pytest.approx(5.4, abs=0.01)
     assert start >= kept
-    assert turn_start(-course, 6.5) == (kept, start)
-    assert turn_start(course[:1], 6.5) == (0, 0)
+    assert turn_start(time, -course, 6.5) == (kept, start)
+    assert turn_start(time[:1], course[:1], 6.5) == (0, 0)
+
+
+@pytest.mark.parametrize(("leg", "reaches_across"), [(30, True), (90, False)])
+@pytest.mark.parametrize("wander", [0.0, 0.5])
+def test_a_turn_does_not_reach_across_a_leg_as_long_as_itself(leg, reaches_across, wander):
+    # A turn of 180 deg, a leg, a turn of 270 deg at the same 0.1 rad a sample.
+    before, after = np.arange(0.0, 3.14, 0.1), np.arange(0.0, 4.7, 0.1)
+    flown = np.full(leg, before[-1]) + wander * np.sin(np.arange(leg) / 8.0)
+    course = np.concatenate([before, flown, flown[-1] + after])
+    _, start = turn_start(np.arange(len(course), dtype=float), course, 6.9)
+    joined = len(before) + leg
+    assert start < len(before) if reaches_across else joined - 5 <= start <= joined + 5
+
+
+@pytest.mark.parametrize("share", [0.5, 0.88])
+def test_a_circle_over_the_ground_in_wind_is_one_turn_though_it_is_flown_unevenly(share):
+    # Speed over the ground where the course is at an angle to the wind, airspeed 1.
+    course = np.linspace(0.0, 6.5, 2000)
+    speed = np.sqrt(1.0 - (share * np.sin(course)) ** 2) + share * np.cos(course)
+    time = np.concatenate([[0.0], np.cumsum(np.diff(course) / speed[1:])])
+    for end in range(400, 2001, 100):
+        _, start = turn_start(time[:end], course[:end], 6.9)
+        assert course[start] <= 0.03 * course[end - 1] + 0.03
 
 
 @pytest.mark.parametrize("drift", [(0.0, 0.0), (3.0, -4.0)])

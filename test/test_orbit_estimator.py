@@ -54,6 +54,16 @@ def test_first_orbit_comes_within_half_a_turn_or_little_more():
     assert flight.angle[first] < 0.55 * TURN
 
 
+@pytest.mark.parametrize("before", [0.3, 1.0])
+def test_a_turn_flown_long_before_does_not_delay_the_first_orbit(before):
+    a, speed = 70.0, 16.0
+    track = [straight(200.0), arc(a, before), straight(2.5 * TURN * a), arc(a, 1.2)]
+    flight = fly(track, speed, np.random.default_rng(1), **NOISE)
+    found = [fix.orbit is not None and piece == 3
+             for fix, piece in zip(estimate(flight), flight.piece, strict=True)]  # fmt: skip
+    assert flight.angle[np.argmax(found)] < 0.53 * TURN
+
+
 def test_circle_that_is_left_is_no_orbit_within_a_quarter_of_a_turn():
     track = [straight(120.0), arc(60.0, 2.0), straight(400.0)]
     flight = fly(track, 20.0, np.random.default_rng(1), **NOISE)

@@ -4,13 +4,24 @@ import numpy as np
 
 from ctcbs_ros.kernels.compiled import kernel
 
+# Angle [rad] that a turn adds in less time than a whole turn takes at its fastest: 3.6 times what
+# five of these angles take. Where it does not, it has been flown straight. (On a circle over the
+# ground the slowest such angle takes longer than that from a wind of 0.9 of the airspeed on.)
+_STEP = np.pi / 9.0
+_STEPS = 5
+_WHOLE_TURN = 3.6
+
 
 @kernel
-def turn_start(course, reach):
+def turn_start(time, course, reach):
     """Where the newest turn begins: straight flight before it adds no angle.
+
+    Nor does it reach across a straight leg, or one that meanders, to the turn before that.
 
     Parameters
     ----------
+    time : (n,) array
+        [s]
     course : (n,) array
         Over ground, continuous [rad].
     reach : float
@@ -26,9 +37,18 @@ def turn_start(course, reach):
     kept = n - 1
     while kept > 0 and abs(course[kept] - course[n - 1]) <= reach:
         kept -= 1
-    most = 0.0
-    for i in range(kept, n):
-        most = max(most, abs(course[i] - course[n - 1]))
+    most, advanced, fastest = 0.0, 0.0, np.inf
+    steps = np.full(_STEPS, np.inf)  # when the newest ones were made, going back
+    steps[0] = time[n - 1]
+    for i in range(n - 1, kept - 1, -1):
+        turned = abs(course[i] - course[n - 1])
+        if turned > advanced + _STEP:
+            if steps[0] - time[i] > _WHOLE_TURN * fastest:
+                break
+            fastest = min(fastest, steps[_STEPS - 1] - time[i])
+            steps[1:] = steps[:-1].copy()
+            steps[0], advanced = time[i], turned
+        most = max(most, turned)
     start = n - 1
     while abs(course[start] - course[n - 1]) < most - 0.03 * most - 0.02:
         start -= 1

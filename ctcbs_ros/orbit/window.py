@@ -152,7 +152,8 @@ class SampleWindow:
     def newest_turn(self) -> Samples:
         """As far back as the course keeps turning and the window reaches."""
         s = self._settings
-        kept, start = turn_start(self._columns[_COURSE, self._first : self._end], s.window)
+        window = self._columns[:, self._first : self._end]
+        kept, start = turn_start(window[_TIME], window[_COURSE], s.window)
         start += self._first
         self._first += kept
         columns = self._columns[:, start : self._end]
