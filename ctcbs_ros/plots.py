@@ -14,6 +14,8 @@ TRACK, MARGIN, END_MASS = "track.png", "margin.png", "end_mass.png"
 MOST_ROWS = 20_000  # drawn of a table; a longer one is thinned
 MOST_ORBITS = 8  # drawn as circles, the longest
 LEAST_GAP = 3.0  # usual steps without a row that interrupt a line
+LEAST_SPAN = 10.0  # m of an axis of heights, so that decimetres do not look like a change
+SETTLING = 0.45  # opacity of what is predicted before the end mass has had time to settle
 TICK = 0.004  # part of the flight that a single warning is drawn as, at least
 
 TOW, MASS, OTHER, REST, LIMIT = "tab:blue", "tab:orange", "0.6", "0.75", "tab:red"
@@ -64,7 +66,7 @@ def track_figure(predictions: Table, samples: Table, orbits: list[dict[str, Any]
     time = _column(predictions, "time_s")
     for name, color, label in (
         ("tow_point", TOW, "tow aircraft, with a prediction"),
-        ("end_mass", MASS, "end mass, predicted"),
+        ("end_mass", MASS, "end mass, where it settles"),
     ):
         east = _column(predictions, f"{name}_east_m")
         north = _column(predictions, f"{name}_north_m")
@@ -84,12 +86,18 @@ def track_figure(predictions: Table, samples: Table, orbits: list[dict[str, Any]
 
 
 def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
-    """Stability margin and jump margin against time, and when each warning stood."""
+    """Stability margin, changes that lead to a jump, and when each warning stood, against time."""
     codes = _warning_codes(samples)
     figure = _figure(10.0, 5.5 + 0.25 * len(codes))
     time = _column(predictions, "time_s")
-    relative = _column(predictions, "jump_margin")
-    jumps = np.isfinite(relative).any()
+    jumps = [
+        (relative, label, color)
+        for name, label, color in (
+            ("jump_speed_relative", "of the speed, at this radius", TOW),
+            ("jump_radius_relative", "of the tow radius, at this speed", MASS),
+        )
+        if np.isfinite(relative := _column(predictions, name)).any()
+    ]
     margin, jump, strip = figure.subplots(
         3, sharex=True, height_ratios=(3.0, 2.0 if jumps else 0.3, 0.4 + 0.35 * len(codes))
     )
@@ -103,8 +111,9 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
     margin.legend(loc="best", frameon=False)
 
     if jumps:
-        jump.set_ylabel("change of angular\nrate to a jump [%]")
-        jump.plot(*_broken(time, 100.0 * relative), color=TOW)
+        jump.set_ylabel("change that leads\nto a jump [%]")
+        for relative, label, color in jumps:
+            jump.plot(*_broken(time, 100.0 * relative), color=color, label=label)
         for sign in (-1.0, 1.0):
             jump.axhline(
                 sign * 100.0 * limits.near_jump, color=LIMIT, linestyle="--", linewidth=1.0,
@@ -112,7 +121,7 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
             )  # fmt: skip
         jump.legend(loc="best", frameon=False)
     else:
-        nothing = "no change of angular rate within reach makes the end mass jump"
+        nothing = "no change of speed or tow radius within reach makes the end mass jump"
         _say_instead(jump, nothing if len(time) else "no prediction")
 
     _draw_warnings(strip, samples, codes)
@@ -137,16 +146,29 @@ def end_mass_figure(predictions: Table, samples: Table):
         radius.plot(
             *np.array(others).T, ".", markersize=2, color=OTHER, label="other steady states"
         )
-    radius.plot(
-        *_broken(time, _column(predictions, "end_mass_radius_m")), color=MASS, label="tracked"
-    )
-    radius.set_ylabel("radius of the end\nmass's circle [m]")
-    if others:
+    settled = np.array([cell == "True" for cell in predictions["settled"]], dtype=bool)
+    for axes, name, label in (
+        (radius, "end_mass_radius_m", "radius of the end\nmass's circle [m]"),
+        (depth, "end_mass_depth_m", "depth below the\ntow aircraft [m]"),
+        (height, "end_mass_height_above_home_m", "height above home\nor set ground [m]"),
+    ):
+        column = _column(predictions, name)
+        for shown, alpha, of in (
+            (settled, 1.0, "predicted, settled"),
+            (~settled, SETTLING, "predicted, still settling"),
+        ):
+            if shown.any():
+                axes.plot(
+                    *_broken(time, np.where(shown, column, nan)), color=MASS, alpha=alpha, label=of
+                )
+        axes.set_ylabel(label)
+    if len(time):
         radius.legend(loc="best", frameon=False)
-    depth.plot(*_broken(time, _column(predictions, "end_mass_depth_m")), color=MASS)
-    depth.set_ylabel("depth below the\ntow aircraft [m]")
-    height.plot(*_broken(time, _column(predictions, "end_mass_height_above_home_m")), color=MASS)
-    height.set_ylabel("height above\nthe ground [m]")
+    radius.set_ylim(0.0, 1.1 * radius.get_ylim()[1])
+    for axes in (depth, height):
+        low, high = axes.get_ylim()
+        short = max(0.0, LEAST_SPAN - (high - low))
+        axes.set_ylim(low - 0.5 * short, high + 0.5 * short)
     height.set_xlabel("time from the first believed sample [s]")
     known = np.isfinite(_column(predictions, "end_mass_height_above_home_m")).any()
     whole = _column(samples, "time_s")
@@ -218,8 +240,9 @@ def _spans(time: np.ndarray, on: list[bool]) -> list[tuple[float, float]]:
 
 
 def _warning_codes(samples: Table) -> list[str]:
-    """Codes that occur, the gravest first."""
-    codes = {code for cell in samples["warnings"] for code in cell.split(";") if code}
+    """Codes that occur where there is a time, the gravest first."""
+    rows = zip(samples["warnings"], samples["time_s"], strict=True)
+    codes = {code for cell, time in rows if time for code in cell.split(";") if code}
     return sorted(codes, key=lambda code: (code in BLAND, code not in GRAVE, code))
 
 

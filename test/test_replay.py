@@ -338,6 +338,40 @@ def test_pictures_of_a_flight_without_a_prediction_say_so(tmp_path):
     assert [t.get_text() for t in figure.axes[1].texts] == ["no prediction"]
 
 
+def test_jumps_by_radius_alone_are_drawn_and_none_is_said_to_be_none_of_either(tmp_path):
+    limits = load_configuration(DRONE).limits
+    for jump, shown_as in ((-0.07, "of the tow radius, at this speed"), ("", None)):
+        rows = [
+            {"time_s": t, "margin_per_s": 0.1, "jump_radius_relative": jump} for t in range(100)
+        ]
+        predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+        axes = shown(plots.margin_figure(predictions, samples, limits), tmp_path).axes[1]
+        if shown_as:
+            (line,) = [line for line in axes.lines if line.get_label() == shown_as]
+            assert line.get_ydata() == pytest.approx(-7.0)
+        else:
+            assert "no change of speed or tow radius" in axes.texts[0].get_text()
+
+
+def test_what_is_predicted_before_the_end_mass_has_settled_is_drawn_fainter(tmp_path):
+    rows = [
+        {"time_s": t, "end_mass_radius_m": 30.0 + 0.01 * (t % 2), "end_mass_depth_m": 100.0,
+         "end_mass_height_above_home_m": 50.0 + 0.1 * (t % 2), "settled": t > 40}
+        for t in range(100)
+    ]  # fmt: skip
+    predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+    figure = shown(plots.end_mass_figure(predictions, samples), tmp_path)
+    settled, settling = figure.axes[0].lines
+    assert settled.get_label() == "predicted, settled"
+    assert np.isfinite(settled.get_ydata()).sum() == 59
+    assert np.isfinite(settling.get_ydata()).sum() == 41
+    assert settling.get_alpha() < settled.get_alpha()
+    # Noise is not blown up to fill the picture.
+    assert figure.axes[0].get_ylim()[0] == 0.0
+    low, high = figure.axes[2].get_ylim()
+    assert high - low >= plots.LEAST_SPAN
+
+
 # --- bad input ----------------------------------------------------------------------------------
 
 
