@@ -185,6 +185,7 @@ def test_line_damping_is_that_of_the_cable_in_time():
     assert np.abs(expected - without).max() > 5e-3
 
 
+@pytest.mark.slow
 def test_where_the_cable_is_about_to_go_slack_no_motion_is_given_but_the_reason():
     found = periodic_motion(still("stretched"), TowPath(GROUND_SPEED, 0.6), 1e-3)
     assert found.motion is None
@@ -248,13 +249,13 @@ def test_forces_have_the_derivatives_of_differences():
         assert jacobian[..., b] == pytest.approx(difference, abs=1e-6)
 
 
-def test_newton_converges_quadratically_to_where_the_linear_solve_says():
+def test_newton_leads_back_from_a_thousandth_of_the_tow_radius_with_two_matrices():
     motion = moving("stretched", GROUND_SPEED, 0.1)
     rng = np.random.default_rng(3)
     guess = motion.values + 1e-3 * rng.normal(size=motion.values.shape)
     found = newton(motion.parameters, motion.path, guess)
     assert found.values == pytest.approx(motion.values, abs=1e-8)
-    assert found.steps <= 6
+    assert found.steps <= 2
 
 
 def test_functions_of_time_are_differentiated_and_resampled_exactly():

@@ -2,7 +2,8 @@
 
 Collocation in time, finite elements along the cable. The elements are eliminated one after the
 other from the end mass up, each with all times at once, so that the work is in proportion to their
-number. A factorisation serves several steps as soon as they are short.
+number. A step is shortened until the same matrix has less to correct after it (Deuflhard, Newton
+Methods for Nonlinear Problems, 3.3), and a factorisation serves as long as that falls fast.
 """
 
 from dataclasses import dataclass
@@ -18,20 +19,20 @@ from ctcbs_ros.periodic.tow_path import TowPath
 from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.parameters import Parameters
 
-# Longest last correction of any coefficient [a]; the error left is about its square.
+# Longest last correction of any coefficient [a]; what is left is shorter still.
 _TOLERANCE = 1e-9
 # Where stiffness leaves no more digits: shorter than this, and no longer falling.
 _ROUNDING = 1e-7
-# Corrections below this are made with the matrix of the step before.
-_SHORT = 2e-3
-# A longer one than this leaves what can be told from here.
-_LONGEST = 3.0
-_MOST_STEPS = 14
+# A factorisation is kept while each correction is shorter than the one before by this.
+_CONTRACTION = 0.2
+# Longest correction made at once [a], and the least share of one that is tried.
+_LONGEST, _LEAST_SHARE = 1.0, 0.05
+_MOST_STEPS = 16
 
 
 @dataclass(frozen=True)
 class Solved:
-    """What Newton's method has found: `values` (k, 3, n), the least tension, steps taken."""
+    """What Newton's method has found: `values` (k, 3, n), least tension, matrices factorised."""
 
     values: np.ndarray
     least_tension: float
@@ -59,28 +60,38 @@ def _newton(p, path, guess):
     _, velocity, acceleration = path.motion(when)
     velocity = velocity - [path.air_velocity, 0.0, 0.0]
     c = guess.copy()
-    factors, before = None, np.inf
-    for step in range(1, _MOST_STEPS + 1):
-        anew = factors is None or before > _SHORT
-        residual, damping, stiffness, least = _assembled(
-            p, e, velocity, acceleration, first, c, anew
-        )
-        if not np.all(np.isfinite(residual)):
-            return None
-        if anew:
-            factors = _eliminated(e, p.end_mass, first, damping, stiffness)
-            if factors is None:
-                return None
+
+    def corrected(factors, c):
+        residual, _, _, least = _assembled(p, e, velocity, acceleration, first, c, False)
         change = -_substituted(factors, residual)
-        size = np.abs(change).max()
-        if not size < min(_LONGEST, 4.0 * before):
+        return change, float(np.abs(change).max()), least
+
+    for step in range(1, _MOST_STEPS + 1):
+        residual, damping, stiffness, least = _assembled(
+            p, e, velocity, acceleration, first, c, True
+        )
+        factors = _eliminated(e, p.end_mass, first, damping, stiffness)
+        if factors is None:
             return None
-        c += change
-        if size < _TOLERANCE or (size < _ROUNDING and size > 0.3 * before):
-            return Solved(c, least, step)
-        if not anew and size > 0.3 * before:
-            factors = None
-        before = size
+        change = -_substituted(factors, residual)
+        size = float(np.abs(change).max())
+        share = min(1.0, _LONGEST / size) if size > 0.0 else 1.0
+        while True:
+            again, left, least = corrected(factors, c + share * change)
+            if left <= (1.0 - 0.25 * share) * size:
+                break
+            if size < _ROUNDING:
+                return Solved(c, least, step)
+            share *= 0.5
+            if not share >= _LEAST_SHARE:
+                return None
+        c = c + share * change
+        while share == 1.0 and left < _CONTRACTION * size:
+            c = c + again
+            if left < _TOLERANCE:
+                return Solved(c, least, step)
+            size = left
+            again, left, least = corrected(factors, c)
     return None
 
 

@@ -189,7 +189,7 @@ def _continued(p: Parameters, path: TowPath, still: np.ndarray) -> tuple[float, 
                 break
             continue
         before, here, wind = (here.values, wind), found, there
-        step = min(_LONGEST, step * (1.6 if found.steps <= 6 else 1.0))
+        step = min(_LONGEST, step * (1.6 if found.steps <= 3 else 1.0))
     return wind, here
 
 
