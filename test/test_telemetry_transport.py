@@ -5,6 +5,7 @@ import itertools
 import os
 import pty
 import socket
+import sys
 import time
 
 import pytest
@@ -62,6 +63,32 @@ def test_link_that_the_system_refuses_is_told_with_what_to_do(monkeypatch, url, 
 def test_what_is_no_serial_device_is_told_to_be_none(device, told):
     with pytest.raises(InputError, match=told):
         open_link(device)
+
+
+@pytest.fixture
+def no_pyserial(monkeypatch):
+    monkeypatch.setitem(sys.modules, "serial", None)
+
+
+@pytest.mark.parametrize(
+    ("device", "told"),
+    [
+        ("/dev/ttyNONE", "there is no such device; allowed"),
+        ("/dev/null", "it is not a serial device; allowed"),
+        ("udp:127.0.0.1:14550", "there is no such device; allowed"),
+    ],
+)
+def test_what_is_no_device_is_told_so_without_pyserial_too(no_pyserial, device, told):
+    with pytest.raises(InputError, match=told):
+        open_link(device)
+
+
+def test_serial_device_without_pyserial_names_what_is_missing(no_pyserial):
+    ends = pty.openpty()
+    with pytest.raises(InputError, match="needs pyserial: pip install pyserial"):
+        open_link(os.ttyname(ends[1]))
+    for end in ends:
+        os.close(end)
 
 
 def test_port_is_free_again_after_close():

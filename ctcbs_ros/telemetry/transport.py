@@ -275,6 +275,7 @@ def serial_device(device: str, baud: int) -> Reconnecting:
     try:
         import serial  # pyserial: needed by those with a serial device only
     except ImportError as error:
+        _test_device(device)  # what is none is not helped by pyserial
         raise InputError(f"link {device!r} needs pyserial: pip install pyserial") from error
 
     def attempt(action: Callable, *arguments):
@@ -295,6 +296,16 @@ def serial_device(device: str, baud: int) -> Reconnecting:
     return Reconnecting(
         connect, receive, lambda port, data: attempt(port.write, data), connection=connect()
     )
+
+
+def _test_device(device: str) -> None:
+    """Raise OSError for what is no serial device, or may not be opened."""
+    handle = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        if not os.isatty(handle):
+            raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
+    finally:
+        os.close(handle)
 
 
 def keep_alive(connection: socket.socket) -> None:
