@@ -74,6 +74,22 @@ def test_a_number_out_of_its_range_is_refused_with_the_range(capsys, value):
     assert f"argument --rate: '{value}': must be a number from 0 to 1000;" in line
 
 
+@pytest.mark.parametrize(
+    ("arguments", "refused"),
+    [
+        (["design", "small_drone", "--max-end-mass-radius", "-5%"], "'-5%' is not allowed"),
+        (["steady", "--config", "small_drone", "--radius", "-6e1", "--speed", "20"], "-60 m"),
+        (["steady", "--config", "small_drone", "--radius", "-.5", "--speed", "20"], "-0.5 m"),
+    ],
+)
+def test_a_negative_value_is_refused_as_a_value_and_not_taken_for_an_option(
+    capsys, arguments, refused
+):
+    assert main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert refused in line
+
+
 def test_bad_input_is_one_line_on_stderr_and_ends_with_2(capsys):
     assert main(["steady", "--omega", "1"]) == 2
     shown = capsys.readouterr()

@@ -152,7 +152,16 @@ def test_command_says_whether_no_drag_is_needed_or_none_suffices(capsys, monkeyp
     assert result["reasons"]["stable"] == result["reasons"]["required"] == suffices
     assert result["reasons"]["unique"].startswith("none needed")
     assert main(arguments) == 0
-    assert capsys.readouterr().out.splitlines()[1] == f"stable            {suffices}"
+    header, *lines = capsys.readouterr().out.splitlines()
+    assert header == "From which cable drag on, for omega up to 3:"
+    assert [line.split("  ")[0] for line in lines] == [
+        "there is one steady state",
+        "the state at the first minimum of the end-mass radius is stable",
+        "both",
+        "every state of the branch from omega 0 on is stable",
+    ]
+    assert lines[1].endswith(f"is stable  {suffices}")
+    assert lines[3].endswith("d_n 3")
 
 
 def test_first_minimum_of_a_short_cable_is_judged_wherever_it_is():

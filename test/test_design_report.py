@@ -7,6 +7,7 @@ import os
 import shlex
 from dataclasses import replace
 from html.parser import HTMLParser
+from math import nan
 
 import pytest
 from matplotlib.image import imread
@@ -22,11 +23,11 @@ from ctcbs_ros.design.evaluation import Grid, evaluate
 from ctcbs_ros.design.limits import limits
 from ctcbs_ros.design.radii import good_radii
 from ctcbs_ros.design.record import design_record
-from ctcbs_ros.design.remedies import find_remedies
+from ctcbs_ros.design.remedies import Remedy, find_remedies
 from ctcbs_ros.design.report import report, write_report
 from ctcbs_ros.design.report_plots import envelope_plot, way_in_plot
 from ctcbs_ros.design.requirements import Requirements
-from ctcbs_ros.design.text import design_text
+from ctcbs_ros.design.text import design_text, vain_text
 from ctcbs_ros.design.way_in import DEPLOYMENT, ENTRY
 from ctcbs_ros.errors import InputError
 
@@ -165,6 +166,14 @@ def test_nothing_in_a_picture_is_cut_at_its_edge(weak, straight):
         pixels = imread(io.BytesIO(picture))
         for edge in (pixels[:5], pixels[-5:], pixels[:, :5], pixels[:, -5:]):
             assert (edge == 1.0).all()
+
+
+def test_what_was_tried_in_vain_is_told_with_its_quantity_and_range():
+    vain = Remedy("faster flight", nan, 12.0, 24.0, nan, {}, ("END_MASS_RADIUS",))
+    assert vain_text(vain) == (
+        "faster flight: least speed tried from 12 m/s up to 24 m/s, not enough alone; "
+        "END_MASS_RADIUS still stands there"
+    )
 
 
 def test_report_of_a_good_design_names_no_remedy(mended):

@@ -5,6 +5,13 @@ from math import inf
 from ctcbs_ros.cli.cusp import add_arguments, parameters_from
 from ctcbs_ros.cli.output import print_json
 
+_MEANINGS = {
+    "unique": "there is one steady state",
+    "stable": "the state at the first minimum of the end-mass radius is stable",
+    "required": "both",
+    "stable_everywhere": "every state of the branch from omega 0 on is stable",
+}
+
 
 def add_parser(subparsers) -> None:
     """Add the subcommand's arguments."""
@@ -48,7 +55,9 @@ def run(args) -> int:
     if args.json:
         print_json({**values, "reasons": reasons})
     else:
+        print(f"From which cable drag on, for omega up to {args.omega_max:g}:")
         for name, value in values.items():
             drag = "" if words.get(value) else f"d_n {value:.9g}"
-            print(f"{name:17s} {', '.join(filter(None, (drag, reasons.get(name))))}")
+            told = ", ".join(filter(None, (drag, reasons.get(name))))
+            print(f"{_MEANINGS[name]:{max(map(len, _MEANINGS.values()))}}  {told}")
     return 0

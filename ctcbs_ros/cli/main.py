@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import re
 import signal
 import sys
 from collections.abc import Sequence
@@ -40,7 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ours = {signal.SIGINT: _interrupt, signal.SIGTERM: _terminate}
     before = {number: signal.signal(number, handler) for number, handler in ours.items()}
     try:
-        args = _parser().parse_args(arguments)
+        given = sys.argv[1:] if arguments is None else arguments
+        args = _parser().parse_args(_with_negative_values(given))
         code = args.run(args)
         sys.stdout.flush()
         return code
@@ -69,6 +71,18 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: error: {message}; see {self.prog} --help\n")
+
+
+def _with_negative_values(arguments: Sequence[str]) -> list[str]:
+    """`--option -5%` as `--option=-5%`: argparse would take the value for another option."""
+    joined: list[str] = []
+    for argument in arguments:
+        before = joined[-1] if joined else ""
+        if re.match(r"-\.?\d", argument) and before.startswith("--") and "=" not in before:
+            joined[-1] = f"{before}={argument}"
+        else:
+            joined.append(argument)
+    return joined
 
 
 def _parser() -> argparse.ArgumentParser:

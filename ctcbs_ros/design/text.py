@@ -267,10 +267,10 @@ def remedy_lines(design: Design) -> Iterator[str]:
 def vain_text(remedy: Remedy) -> str:
     """One remedy that was not found."""
     to = "up" if remedy.furthest > remedy.present else "down"
-    still = f": {', '.join(remedy.still)} there" if remedy.still else ""
-    return (
-        f"{remedy.change}: not enough alone {to} to {amount(remedy, remedy.furthest)}{still}"
-    )
+    still = f"; {', '.join(remedy.still)} still stands there" if remedy.still else ""
+    quantity = change_named(remedy.change).quantity
+    tried = f"{amount(remedy, remedy.present)} {to} to {amount(remedy, remedy.furthest)}"
+    return f"{remedy.change}: {quantity} tried from {tried}, not enough alone{still}"
 
 
 def remedy_text(remedy: Remedy) -> str:
