@@ -40,11 +40,13 @@ BELOW = {
     "solver": {"kernels"},
     "orbit": {"kernels"},
     "table": {"kernels", "solver"},
+    "dynamics": {"kernels", "solver"},
     "periodic": {"kernels", "solver"},
     "figures": {"kernels", "solver"},
     "design": {"kernels", "solver"},
     "prediction": {"kernels", "solver", "orbit", "table", "telemetry"},
     "replay": {"kernels", "solver", "orbit", "table", "telemetry", "prediction"},
+    "validation": {"kernels", "solver", "dynamics", "periodic", "bench"},
 }
 
 

@@ -103,6 +103,7 @@ def _parser() -> argparse.ArgumentParser:
         simulate_cable,
         steady,
         table,
+        validate,
         wind_study,
     )
 
@@ -114,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in (
         steady, periodic, branch, cusp, critical_drag, design, figures, table, replay, simulate,
-        simulate_cable, entry, bench, orbit_study, wind_study, pose_study,
+        simulate_cable, entry, bench, orbit_study, wind_study, pose_study, validate,
     ):  # fmt: skip
         command.add_parser(commands)
     return parser
