@@ -52,7 +52,8 @@ def add_parser(subparsers) -> None:
     add(
         "--wind", metavar="X,Y[,Z]",
         help="velocity of the air, over the tow speed (m/s with --config), reached in an orbit; "
-        "or a CSV file with columns t, x, y[, z]; or 'log', as the autopilot of the --track says",
+        "or a CSV file with columns t, x, y[, z]; or 'log', as the --track's autopilot says, "
+        "right or wrong",
     )
     add("--reel-to", type=float, metavar="L", help="cable length to reel to, from the start on")
     add("--reel-rate", type=float, metavar="R", help="how fast, over the tow speed (or m/s)")
