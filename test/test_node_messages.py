@@ -310,6 +310,9 @@ def test_an_end_mass_on_its_way_is_said_to_be_settling():
         monitor = Monitor()
         monitor.add(with_end_mass(**changed))
         assert monitor.report(None, {})[2].message == told
+        low = Warning(WarningCode.LOW_MARGIN, Level.WARN, "slow")
+        monitor.add(replace(with_end_mass(**changed), warnings=(low,)))
+        assert monitor.report(None, {})[2].message == f"LOW_MARGIN: slow; {told}"
 
 
 def test_infinite_settling_time_is_shown_as_none():

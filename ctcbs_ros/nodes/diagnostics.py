@@ -95,7 +95,11 @@ def prediction_status(prediction: Prediction) -> DiagnosticStatus:
         # Silence must not be taken for safety.
         known = isfinite(prediction.end_mass.height_above_home)
         figures["ground proximity"] = "judged" if known else "not judged, no height above ground"
-        return _status("prediction", warnings, _settling(prediction.end_mass), figures)
+        settling = _settling(prediction.end_mass)
+        status = _status("prediction", warnings, settling, figures)
+        if warnings and not prediction.end_mass.settled:
+            status.message += f"; {settling}"
+        return status
     status = _status("prediction", warnings, "no prediction: no orbit", {})
     status.level = max(status.level, DiagnosticStatus.WARN)
     return status

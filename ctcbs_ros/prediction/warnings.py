@@ -163,8 +163,8 @@ def jump_warnings(
     distance, where, landing = min(jumps, default=(inf, "", nan))
     if not (distance < limits.near_jump or (jumps and fold_distance < _SURELY_BEFORE)):
         return []
-    onto = f"to a radius of {landing:.0f} m" if isfinite(landing) else "to no stable state"
-    text = f"jump at {where} {onto}"
+    onto = f"a circle of {landing:.0f} m" if isfinite(landing) else "no stable state"
+    text = f"at {where} the end mass jumps to {onto}"
     if fold_distance < _SURELY_BEFORE:
         text += (
             f"; only {fold_distance:.1f} standard deviations of the orbit away, it may have "
