@@ -1,6 +1,6 @@
 """The rows of the benchmark: what is measured, how good it must be, and against whom."""
 
-from ctcbs_ros.bench import cable_rows, flight_rows, solver_rows
+from ctcbs_ros.bench import cable_rows, flight_rows, periodic_rows, solver_rows
 from ctcbs_ros.bench.row import Row
 
 _US, _MS, _MB = 1e-6, 1e-3, 1e6
@@ -46,6 +46,14 @@ ROWS = (
     Row(
         "cable-60000", "the first of these with gamma 60,000: 4 orbits", None,
         "MoorDyn, RK4, steps of 0.001 s", cable_rows.stiff, needed=0.1,
+    ),
+    Row(
+        "periodic", "motion in a wind of a tenth of the tow speed, to 1e-3 a, from one nearby",
+        50 * _MS, "cable in time from there, to settle", periodic_rows.soft,
+    ),
+    Row(
+        "periodic-design", "the same: design example", 50 * _MS,
+        "cable in time from there, to settle", periodic_rows.design,
     ),
     Row(
         "table-build", "table of the default envelope, every core", 10.0,

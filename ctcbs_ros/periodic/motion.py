@@ -32,6 +32,8 @@ class PeriodicMotion:
         [a], estimated from a coarser solution; nan where there was none.
     least_tension : float
         Along the cable over the turn.
+    factors : list
+        Of the last matrix of Newton's method, for motions nearby.
     """
 
     parameters: Parameters
@@ -39,6 +41,7 @@ class PeriodicMotion:
     values: np.ndarray = field(repr=False)
     residual: float
     least_tension: float
+    factors: list = field(default_factory=list, repr=False, compare=False)
 
     def end_mass(self, times) -> np.ndarray:
         """Position of the end mass at times of any shape, with a last axis of 3."""

@@ -6,7 +6,7 @@ number. A step is shortened until the same matrix has less to correct after it (
 Methods for Nonlinear Problems, 3.3), and a factorisation serves as long as that falls fast.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
@@ -25,6 +25,8 @@ _TOLERANCE = 1e-9
 _ROUNDING = 1e-7
 # A factorisation is kept while each correction is shorter than the one before by this.
 _CONTRACTION = 0.2
+# Longest correction made with a matrix from elsewhere, times `_CONTRACTION` [a].
+_FAR = 0.5
 # Longest correction made at once [a], and the least share of one that is tried.
 _LONGEST, _LEAST_SHARE = 1.0, 0.05
 _MOST_STEPS = 16
@@ -32,14 +34,27 @@ _MOST_STEPS = 16
 
 @dataclass(frozen=True)
 class Solved:
-    """What Newton's method has found: `values` (k, 3, n), least tension, matrices factorised."""
+    """What Newton's method has found.
+
+    Attributes
+    ----------
+    values : (k, 3, n) ndarray
+    least_tension : float
+    steps : int
+        Matrices factorised.
+    factors : list
+        The last one's, to begin with nearby.
+    """
 
     values: np.ndarray
     least_tension: float
     steps: int
+    factors: list = field(default_factory=list, repr=False, compare=False)
 
 
-def newton(parameters: Parameters, path: TowPath, guess: np.ndarray) -> Solved | None:
+def newton(
+    parameters: Parameters, path: TowPath, guess: np.ndarray, factors: list | None = None
+) -> Solved | None:
     """Correct a guess of the motion; None where that leads nowhere.
 
     Parameters
@@ -48,12 +63,14 @@ def newton(parameters: Parameters, path: TowPath, guess: np.ndarray) -> Solved |
     path : TowPath
     guess : (k, 3, n) ndarray
         Coefficients of the functions of `elements` at k times, k odd.
+    factors : list, optional
+        Of a motion nearby with as many times and elements: tried before any are made.
     """
     with one_blas_thread():
-        return _newton(parameters, path, guess)
+        return _newton(parameters, path, guess, factors)
 
 
-def _newton(p, path, guess):
+def _newton(p, path, guess, factors):
     count, _, n = guess.shape
     e = elements(p.length, n // DEGREE)
     when, first = times(count), derivative(count)
@@ -66,6 +83,20 @@ def _newton(p, path, guess):
         change = -_substituted(factors, residual)
         return change, float(np.abs(change).max()), least
 
+    def polished(factors, c, size, change, left, least):
+        """Corrections with one matrix for as long as they fall fast; whether to the end."""
+        while left < _CONTRACTION * size:
+            c = c + change
+            if left < _TOLERANCE:
+                return c, least, True
+            size = left
+            change, left, least = corrected(factors, c)
+        return c, least, False
+
+    if factors:
+        c, least, done = polished(factors, c, _FAR, *corrected(factors, c))
+        if done:
+            return Solved(c, least, 0, factors)
     for step in range(1, _MOST_STEPS + 1):
         residual, damping, stiffness, least = _assembled(
             p, e, velocity, acceleration, first, c, True
@@ -81,17 +112,15 @@ def _newton(p, path, guess):
             if left <= (1.0 - 0.25 * share) * size:
                 break
             if size < _ROUNDING:
-                return Solved(c, least, step)
+                return Solved(c, least, step, factors)
             share *= 0.5
             if not share >= _LEAST_SHARE:
                 return None
         c = c + share * change
-        while share == 1.0 and left < _CONTRACTION * size:
-            c = c + again
-            if left < _TOLERANCE:
-                return Solved(c, least, step)
-            size = left
-            again, left, least = corrected(factors, c)
+        if share == 1.0:
+            c, least, done = polished(factors, c, size, again, left, least)
+            if done:
+                return Solved(c, least, step, factors)
     return None
 
 

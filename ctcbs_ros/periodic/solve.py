@@ -3,7 +3,7 @@
 With more functions and times until the end mass moves no more, or from a motion nearby.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import atan2, cos, hypot, inf, isfinite, sin
 
 import numpy as np
@@ -24,12 +24,14 @@ ACCURACY, CONVERGED = 1e-5, 1e-3
 _ELEMENTS, _SHARE = (2, 3, 4, 6, 8, 12, 16, 24), 0.01
 # Times of a turn that a continuation begins with, and the error in still air that its number of
 # elements is for; then what is tried where those do not suffice.
-_LADDER = ((13, 1e-3), (21, 1e-6), (33, 1e-7))
+_LADDER = ((13, 1e-3), (21, 1e-4), (33, 1e-6))
 _STILL = 3  # times that hold a motion that is steady in the rotating frame
 # Most times, and most elements: a matrix of one element takes 20 MB, all of them some seconds.
 _MOST_TIMES, _MOST_ELEMENTS = 81, 48
 # Wind, as a fraction of the tow speed: the first step, the longest and the shortest.
 _FIRST, _LONGEST, _SHORTEST = 0.05, 0.1, 2e-3
+# Least part of the way from one motion to another that is gone at once.
+_LEAST_PART = 0.1
 # Compression that is not taken for the error of few elements, in end weights.
 _SLACK = 0.3
 # What the orders left out may come to, as a multiple of the last ones there.
@@ -97,7 +99,9 @@ def periodic_motion(
 
 
 def followed(motion: PeriodicMotion, parameters: Parameters, path: TowPath) -> Found:
-    """The motion of other parameters or another wind nearby, with as many functions and times.
+    """The motion of other parameters or another wind nearby, with as many elements and times.
+
+    On the whole way at once, or else in parts.
 
     Parameters
     ----------
@@ -111,13 +115,32 @@ def followed(motion: PeriodicMotion, parameters: Parameters, path: TowPath) -> F
         Its residual is that of the motion it started from, or more where the highest orders have
         grown.
     """
-    solved = newton(parameters, path, _moved(motion, parameters))
-    if solved is None:
-        return Found(None, "Newton's method does not converge from the motion before")
-    residual = max(motion.residual, _tail(solved.values)[0])
+    values, p, done, step = motion.values, motion.parameters, 0.0, 1.0
+    factors = motion.factors
+    while done < 1.0:
+        there = min(done + step, 1.0)
+        q = _between(motion.parameters, parameters, there)
+        wind = motion.path.wind + (path.wind - motion.path.wind) * there
+        # The same shape, as far along the cable in proportion.
+        solved = newton(q, TowPath(path.kind, wind), values * (q.length / p.length), factors)
+        if solved is None:
+            step *= 0.5
+            if step < _LEAST_PART:
+                return Found(None, "Newton's method does not converge from the motion before")
+            continue
+        values, p, done, factors = solved.values, q, there, solved.factors
+    residual = max(motion.residual, _tail(values)[0])
     return _judged(
-        PeriodicMotion(parameters, path, solved.values, residual, solved.least_tension)
+        PeriodicMotion(parameters, path, values, residual, solved.least_tension, factors)
     )
+
+
+def _between(before: Parameters, after: Parameters, share: float) -> Parameters:
+    """Parameters on the way from some to others."""
+    if share == 1.0:
+        return after
+    pairs = ((f.name, getattr(before, f.name), getattr(after, f.name)) for f in fields(Parameters))
+    return Parameters(**{name: a + share * (b - a) for name, a, b in pairs})
 
 
 def _judged(motion: PeriodicMotion) -> Found:
@@ -131,11 +154,6 @@ def _judged(motion: PeriodicMotion) -> Found:
     if not motion.least_tension > 0.0:
         return Found(None, "the cable goes slack in this wind")
     return Found(motion, "")
-
-
-def _moved(motion: PeriodicMotion, p: Parameters) -> np.ndarray:
-    """The same shape for a cable of another length: as far along it, in proportion."""
-    return motion.values * (p.length / motion.parameters.length)
 
 
 def _in_still_air(state: SteadyState, error: float) -> tuple[np.ndarray | None, int]:
@@ -195,8 +213,9 @@ def _continued(p: Parameters, path: TowPath, still: np.ndarray) -> tuple[float, 
 
 def _refined(p, path, solved: Solved, enough: int, accuracy: float) -> PeriodicMotion:
     """Add elements and times until the end mass moves no more."""
-    values, least, residual = solved.values, solved.least_tension, inf
+    residual = inf
     while residual > accuracy:
+        values = solved.values
         count, parts = _more(values, enough, accuracy)
         if count > _MOST_TIMES or parts > _MOST_ELEMENTS:
             break
@@ -205,9 +224,10 @@ def _refined(p, path, solved: Solved, enough: int, accuracy: float) -> PeriodicM
             break
         ends = (resampled(v[:, :, 0], 2 * count + 1) for v in (values, finer.values))
         moved = float(np.abs(np.subtract(*ends)).max())
-        values, least = finer.values, finer.least_tension
-        residual = max(moved, _tail(values)[0])
-    return PeriodicMotion(p, path, values, residual, least)
+        solved, residual = finer, max(moved, _tail(finer.values)[0])
+    return PeriodicMotion(
+        p, path, solved.values, residual, solved.least_tension, solved.factors
+    )
 
 
 def _more(values, enough: int, accuracy: float) -> tuple[int, int]:
