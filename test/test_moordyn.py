@@ -18,6 +18,8 @@ from ctcbs_ros.dynamics.cable import drive, simulate
 from ctcbs_ros.dynamics.equilibrium import equilibrium
 from ctcbs_ros.dynamics.line import line_of
 from ctcbs_ros.dynamics.signal import circle, constant
+from ctcbs_ros.periodic.solve import periodic_motion
+from ctcbs_ros.periodic.tow_path import GROUND_SPEED, TowPath
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
 
@@ -94,3 +96,6 @@ def test_in_wind_the_mass_goes_round_as_moordyns_does(point, wind, duration, dow
     found = simulate(line, driven, equilibrium(state, 40, drag_at_nodes=True), times)
     assert found.positions[:, 0] == pytest.approx(towed.positions[last], abs=2e-5)
     assert found.positions[:, 0, 0].mean() == pytest.approx(downwind, rel=0.2)
+    # and the periodic motion, without segments, is as near as 40 of them allow
+    motion = periodic_motion(state, TowPath(GROUND_SPEED, wind), 1e-4).motion
+    assert motion.end_mass(angles[last]) == pytest.approx(towed.positions[last], abs=4e-3)

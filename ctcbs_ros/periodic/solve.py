@@ -216,12 +216,11 @@ def _refined(p, path, solved: Solved, enough: int, accuracy: float) -> PeriodicM
     residual = inf
     while residual > accuracy:
         values = solved.values
-        count, parts = _more(values, enough, accuracy)
-        if count > _MOST_TIMES or parts > _MOST_ELEMENTS:
-            break
-        finer = newton(p, path, _in_more(values, count, parts, p.length))
+        now = values.shape[0], values.shape[2] // DEGREE
+        finer = _solved_in_more(p, path, values, now, _more(now, values, enough, accuracy))
         if finer is None:
             break
+        count = max(values.shape[0], finer.values.shape[0])
         ends = (resampled(v[:, :, 0], 2 * count + 1) for v in (values, finer.values))
         moved = float(np.abs(np.subtract(*ends)).max())
         solved, residual = finer, max(moved, _tail(finer.values)[0])
@@ -230,9 +229,21 @@ def _refined(p, path, solved: Solved, enough: int, accuracy: float) -> PeriodicM
     )
 
 
-def _more(values, enough: int, accuracy: float) -> tuple[int, int]:
-    """How many times and elements to go on with."""
-    count, parts = values.shape[0], values.shape[2] // DEGREE
+def _solved_in_more(p, path, values, now, wanted) -> Solved | None:
+    """Newton's method from a motion in so many times and elements to one in more."""
+    count, parts = wanted
+    # High orders ring: where one number of times leads nowhere, another may.
+    for some in ((count, parts), (count + 8, parts), (count, now[1]), (count + 16, parts)):
+        if some != now and some[0] <= _MOST_TIMES and some[1] <= _MOST_ELEMENTS:
+            found = newton(p, path, _in_more(values, *some, p.length))
+            if found is not None:
+                return found
+    return None
+
+
+def _more(now, values, enough: int, accuracy: float) -> tuple[int, int]:
+    """How many times and elements to go on with from so many now."""
+    count, parts = now
     tail, falls = _tail(values)
     if tail > 0.5 * accuracy:
         orders = np.log(tail / (0.2 * accuracy)) / -np.log(falls)
