@@ -72,6 +72,21 @@ def test_the_table_names_the_offset_and_the_verdict(capsys):
     assert "margin 0.030" in out
 
 
+def test_of_several_steady_states_the_one_that_straight_flight_leads_to_unless_told(capsys):
+    several = "--omega 1 --cable-drag 4 --elasticity 1e5 --wind 0.02 --json".split()
+    by_default, chosen = (run(capsys, *several, *which) for which in ([], ["--state", "1"]))
+    assert by_default[2] == (
+        "ctcbs: note: 3 steady states in still air; state 3 is continued, see --state\n"
+    )
+    assert chosen[2] == ""
+    # so weak a wind changes the first order by less than a fiftieth
+    wide, narrow = (json.loads(out) for _, out, _ in (by_default, chosen))
+    for result in (wide, narrow):
+        radius = result["still_air"]["end_mass_radius"]
+        assert result["harmonics"][0]["x"] == pytest.approx(radius, rel=0.02)
+    assert wide["still_air"]["end_mass_radius"] > 2.0 * narrow["still_air"]["end_mass_radius"]
+
+
 @pytest.mark.slow
 def test_where_newton_ends_the_result_is_null_with_the_reason(capsys):
     code, out, err = run(capsys, "--wind", "0.6", "--json")

@@ -63,7 +63,8 @@ class Circle:
         if self.sense not in (ANTICLOCKWISE, CLOCKWISE):
             raise InputError(f"sense: {self.sense!r} is not allowed, it must be 1 or -1")
         if self.path not in (*PATHS, DRIFT):
-            raise InputError(f"path: {self.path!r} is not allowed, {(*PATHS, DRIFT)} are")
+            allowed = ", ".join((*PATHS, DRIFT))
+            raise InputError(f"path: {self.path!r} is not allowed, one of {allowed} is")
         _ = self.tow_path
 
     @property

@@ -41,7 +41,8 @@ class TowPath:
     def __post_init__(self):
         """Refuse what no aircraft flies."""
         if self.kind not in PATHS:
-            raise InputError(f"path: {self.kind!r} is not allowed, it must be one of {PATHS}")
+            allowed = " or ".join(PATHS)
+            raise InputError(f"path: {self.kind!r} is not allowed, it must be {allowed}")
         if not 0.0 <= self.wind < 1.0:
             raise InputError(
                 f"wind: {self.wind:g} of the tow speed is not allowed, it must be at least 0 and "
