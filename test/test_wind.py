@@ -261,12 +261,28 @@ def test_at_any_rate_the_last_turn_is_kept_and_what_was_flown_before_does_not_co
     flight = fly([arc(100, 1.5)], 20, np.random.default_rng(4), rate=rate, wind=AIR)
     for time, velocity in zip(flight.time, flight.velocity, strict=True):
         kept.add(time, velocity, 0.3)
-    kept.begin(0.0)
+    kept.begin()
     speed = 1.5 * TURN * 100 / flight.time[-1]
     orbit = orbit_at(flight.time[-1], 100, speed)
     assert kept.estimate(orbit).velocity == pytest.approx(AIR, abs=0.4)
     kept.reset()
     assert kept.estimate(orbit) is None
+
+
+def test_an_orbit_that_is_begun_anew_and_then_reaches_further_back_has_its_whole_turn():
+    kept, fresh = WindEstimator(SURE), WindEstimator(SURE)
+    flight = fly([arc(100, 1.0)], 20, np.random.default_rng(4), rate=5.0, wind=AIR)
+    for time, velocity in zip(flight.time, flight.velocity, strict=True):
+        kept.add(time, velocity, 0.3)
+        fresh.add(time, velocity, 0.3)
+    whole = orbit_at(flight.time[-1], 100, TURN * 100 / flight.time[-1])
+    half = replace(whole, start_time=0.5 * flight.time[-1])
+    kept.begin()
+    short = kept.estimate(half).velocity
+    kept.begin()
+    long = kept.estimate(whole).velocity
+    assert long == pytest.approx(fresh.estimate(whole).velocity, abs=1e-12)
+    assert short != pytest.approx(long, abs=1e-3)
 
 
 def test_samples_without_a_velocity_tell_nothing_and_raise_nothing():

@@ -187,11 +187,10 @@ class WindEstimator:
         # Least time between samples [s], so that at high rates a whole turn is kept.
         self._spacing = 0.0
 
-    def begin(self, time: float) -> None:
-        """An orbit was begun at a time [s]: what was flown before says nothing about it."""
+    def begin(self) -> None:
+        """Another orbit is flown: what was estimated on the one before says nothing about it."""
         self._latest = None
         self._estimated_at = -np.inf
-        self._forget(time)
 
     def _forget(self, time: float) -> None:
         while self._first < self._end and self._rows[self._first, _TIME] < time:
@@ -245,7 +244,9 @@ class WindEstimator:
         self._first, self._end = 0, len(kept)
 
     def estimate(self, orbit: Orbit) -> FlightWind | None:
-        """Wind over the last turn of an orbit; None where the turn does not show it.
+        """Wind over the last turn of an orbit, since it began; None where that does not show it.
+
+        Begun anew, an orbit may reach back later into what was flown before: that is kept.
 
         It hardly changes from one sample to the next, and is estimated anew 16 times a turn.
         """
@@ -255,6 +256,7 @@ class WindEstimator:
         if not orbit.time < self._estimated_at + _ANEW * turn:
             self._estimated_at = orbit.time
             rows = self._rows[self._first : self._end]
+            rows = rows[np.searchsorted(rows[:, _TIME], orbit.start_time) :]
             self._latest = wind_of_turn(rows, turn, self._settings)
         return self._latest
 

@@ -175,7 +175,7 @@ class Predictor:
             warnings.append(not_orbiting(fix.reason))
             return self._prediction(sample, None, local, None, nan, warnings)
         if not self._orbiting:
-            self._wind_of_turn.begin(fix.orbit.start_time)
+            self._wind_of_turn.begin()
             self._orbiting = True
         time_on_orbit = self._history.flown_on_orbit(fix.orbit)
         return self._predict(sample, local, fix.orbit, time_on_orbit, warnings)
