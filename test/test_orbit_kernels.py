@@ -5,9 +5,15 @@ import pytest
 from scipy.optimize import least_squares as scipy_least_squares
 
 from ctcbs_ros.kernels.circle import scatter
-from ctcbs_ros.kernels.circle_angles import continuous_angles, mean_rate, newest_offset, progress
+from ctcbs_ros.kernels.circle_angles import (
+    continuous_angles,
+    mean_rate,
+    newest_offset,
+    newest_phase,
+    progress,
+)
 from ctcbs_ros.kernels.circle_covariance import propagate
-from ctcbs_ros.kernels.circle_trend import widening
+from ctcbs_ros.kernels.circle_trend import lag, widening
 from ctcbs_ros.kernels.regression import invert_normal, least_squares, line
 from ctcbs_ros.orbit.circle_fit import HUBER, drifting_start, fit_circle
 
@@ -244,3 +250,42 @@ def test_offset_and_progress_of_a_track():
     for sample, off, broken in ((25, 1.0, False), (25, -1.0, False), (49, 1.0, True)):
         glitch = angle + off * (time == sample)
         assert progress(radial, glitch, time, 1, 7.0, 10.0, quiet)[2] == broken
+
+
+@pytest.mark.parametrize("drifts", [False, True])
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("turns", [0.5, 0.75, 1.05])
+def test_a_circle_lags_behind_a_growing_radius_by_what_is_said(turns, sense, drifts):
+    # Archimedes' spiral about the origin at constant speed: its angle solves a quadratic equation.
+    radius, speed, growth, count = 100.0, 20.0, 0.3, 200
+    age = np.linspace(-2.0 * np.pi * turns * radius / speed, 0.0, count)
+    angle = (
+        2.0 * np.pi / growth * (np.sqrt(radius**2 + growth * speed * age / np.pi) - radius)
+    )
+    r = radius + growth * angle / (2.0 * np.pi)
+    out = np.column_stack([np.cos(angle), sense * np.sin(angle)])
+    tangent = np.column_stack([-np.sin(angle), sense * np.cos(angle)])
+    points = r[:, None] * out
+    swept = growth / (2.0 * np.pi) * out + r[:, None] * tangent
+    velocities = speed * swept / np.hypot(*swept.T)[:, None]
+    # Small ones: the fit takes off what noise along the circle moves the points outwards.
+    sigma = np.full(count, 0.015)
+    fit = fit_circle(
+        points, velocities, sigma, np.full(count, 0.003), age=age if drifts else None
+    )
+    seen, operators = np.empty(count), np.zeros((2, count))
+    continuous_angles(fit.points, *fit.center, age, sense * speed / radius, seen)
+    rate, _ = mean_rate(age, seen, sigma / fit.radius, False, operators[0])
+    phase = newest_phase(age, seen, sigma, 2.0, operators[1])
+    moved = np.empty(len(fit.inverse) + 2)
+    lag(
+        fit.points, fit.velocities, age, fit.circle, fit.weight, fit.inverse, seen, operators,
+        rate, moved,
+    )
+    off = [
+        *fit.center, fit.radius - radius, *(fit.drift if drifts else ()),
+        rate - sense * speed / radius, (phase + np.pi) % (2.0 * np.pi) - np.pi,
+    ]  # fmt: skip
+    # Metres, metres a second, milliradians.
+    units = np.array([1.0] * len(fit.inverse) + [1e3, 1e3])
+    assert off * units == pytest.approx(growth * moved * units, rel=0.02, abs=3e-4)

@@ -9,10 +9,22 @@ import pytest
 from orbit_figures import readme, sentence, tables
 
 from ctcbs_ros.cli.main import main
+from ctcbs_ros.kernels.circle_angles import continuous_angles, mean_rate
 from ctcbs_ros.orbit import study, study_comparison
 from ctcbs_ros.orbit.alternatives import METHODS
+from ctcbs_ros.orbit.estimator import OrbitEstimator
+from ctcbs_ros.orbit.noise import circle_covariance, fit_by_scatter
 from ctcbs_ros.orbit.settings import OrbitSettings
-from ctcbs_ros.orbit.tracks import correlated_noise
+from ctcbs_ros.orbit.tracks import (
+    TURN,
+    correlated_noise,
+    estimate,
+    fly,
+    random_circle,
+    spiral,
+    straight,
+)
+from ctcbs_ros.orbit.window import SampleWindow
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -51,6 +63,62 @@ def test_other_tracks_are_no_orbit_but_where_they_are_half_a_circle(shape):
     share = study.taken_for_orbits(shape, 10 if "20" in shape else 3)
     turns = study.Turns(0, [0.0] * 3, [0.0] * 3, 0.0, 0.0)
     assert study.missed_bars({}, turns, {shape: share}) == []
+
+
+def test_stated_deviations_of_radius_and_rate_are_those_of_two_thousand_arcs():
+    # The flights of the study without their entry, the fit without the rules of what is no orbit:
+    # so many that a bad draw does not look like a bad covariance.
+    rng = np.random.default_rng(6)
+    settings = OrbitSettings(correlated_share=0.0)
+    off = []
+    for _ in range(2000):
+        radius, speed, sense = random_circle(rng)
+        rate = sense * speed / radius
+        time = np.arange(0.0, 0.73 * TURN / abs(rate), 0.2)
+        angle = rng.uniform(0.0, TURN) + rate * time
+        position, velocity = np.zeros((2, len(time), 3))
+        position[:, 0], position[:, 1] = radius * np.cos(angle), radius * np.sin(angle)
+        velocity[:, 0], velocity[:, 1] = -rate * position[:, 1], rate * position[:, 0]
+        position += 1.5 * rng.standard_normal(position.shape)
+        velocity += 0.3 * rng.standard_normal(velocity.shape)
+        window = SampleWindow(settings)
+        for i in range(len(time)):
+            window.add(time[i], position[i], velocity[i], 1.5, 0.3, np.nan)
+        samples = window.kept
+        fit, *sigmas, _ = fit_by_scatter(samples, None, False)
+        seen, operators = np.empty(len(time)), np.zeros((2, len(time)))
+        continuous_angles(fit.points, *fit.center, time, 0.0, seen)
+        found, excess = mean_rate(time, seen, sigmas[0] / fit.radius, False, operators[0])
+        covariance = circle_covariance(
+            fit, samples, *sigmas, operators, abs(found), excess, settings
+        )
+        stated = np.sqrt(np.diag(covariance)[[2, 3]])
+        off.append(np.array([fit.radius - radius, found - rate]) / stated)
+    assert np.std(off, axis=0) == pytest.approx(1.0, abs=0.05)
+    assert np.mean(np.abs(off) < 1.96, axis=0) == pytest.approx(0.955, abs=0.015)
+
+
+def test_a_small_spiral_taken_for_a_circle_is_off_by_what_is_stated():
+    # Over half a turn of 40 to 60 m noise hides what the radius changes.
+    off, turned = [], 0
+    for run in range(24):
+        rng = np.random.default_rng([31, run])
+        radius, growth = rng.uniform(40.0, 60.0), rng.choice([-1.0, 1.0]) * rng.uniform(0.2, 0.4)
+        speed = rng.uniform(15.0, 25.0)
+        track = [straight(60.0), *spiral(radius, growth, 1.2)]
+        flight = fly(track, speed, rng, course=rng.uniform(0.0, TURN))
+        angle = np.maximum(flight.piece - 1, 0) / 16.0 + flight.angle / TURN
+        now = radius * (1.0 + growth * angle)
+        for a, orbit in zip(now, estimate(OrbitEstimator(), flight, sigma=(1.5, 0.3)),
+                            strict=True):  # fmt: skip
+            turned += 1
+            if orbit is not None:
+                errors = orbit.radius - a, orbit.angular_rate - speed / a
+                off.append(np.array(errors) / np.sqrt(np.diag(orbit.covariance)[[3, 4]]))
+    assert 20 < len(off) < 0.1 * turned
+    # Six to ten for the radius and twenty for the rate, if the radius were taken to stand still.
+    assert np.sqrt(np.mean(np.square(off), axis=0)).max() < 2.0
+    assert np.max(np.abs(off)) < 4.0
 
 
 def test_simulated_correlated_noise_has_its_deviation_and_correlation_time():

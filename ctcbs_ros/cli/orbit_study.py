@@ -29,6 +29,7 @@ def run(args) -> int:
     from tqdm import tqdm
 
     from ctcbs_ros.orbit import study, study_comparison
+    from ctcbs_ros.orbit.study_cases import seed_of
     from ctcbs_ros.worker_pool import worker_pool
 
     calls = {}
@@ -36,7 +37,7 @@ def run(args) -> int:
         flights = range(max(args.runs // noise.cost, 20))
         for first in flights[::_CHUNK]:
             part = flights[first : first + _CHUNK]
-            calls["accuracy", name, first] = (study.errors, noise, part)
+            calls["accuracy", name, first] = (study.errors, noise, part, seed_of(name))
     for shape in study.SHAPES:
         calls["shape", shape, 0] = (study.taken_for_orbits, shape, _shape_flights(args.runs))
     for case in study_comparison.CASES:
@@ -82,8 +83,8 @@ def _shape_flights(runs: int) -> int:
 def _text(study, accuracies, turns, shapes, comparisons, missed) -> str:
     runs = next(iter(accuracies.values())).runs
     lines = [
-        f"Orbit after 0.75 turns unless said; {runs} flights, flight k seeded with "
-        f"({study.SEEDS['accuracy']}, k)",
+        f"Orbit after 0.75 turns unless said; {runs} flights, flight k of case j seeded with "
+        f"({study.SEEDS['accuracy']}, j, k)",
         f"{'':42}{'radius':>8}{'bias':>8}{'centre':>9}  inside the stated 95 %, in %",
         f"{'noise':42}{'%':>8}{'%':>8}{'m':>9}{'circle':>8}{'rate':>7}{'phase':>7}{'lost':>6}",
     ]

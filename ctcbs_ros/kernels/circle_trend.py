@@ -109,3 +109,61 @@ def widening(
             correlated += gain[i, axis] * (gain[i, axis] + 2.0 * before[axis])
         before += gain[i]
     return solution[3], inverse[3, 3] * max(1.0, square) + correlated, square
+
+
+@kernel
+def lag(points, velocities, age, circle, weight, inverse, angle, operators, rate, moved):
+    """What a fitted circle is off by, for each metre a turn that its radius changes unseen.
+
+    The circle is one of constant radius through all samples; the truth is that at the newest one,
+    flown at constant speed. To first order.
+
+    Parameters
+    ----------
+    points, velocities, age, circle, weight, inverse, angle
+        As `widening` has them; `inverse` as `refine_circle` left it, of size p.
+    operators : (2, n) array
+        Take the angles to rate and phase.
+    rate : float
+        [rad/s], positive anticlockwise.
+    moved : (p + 2,) array, written
+        Of centre, radius, drift if p is 5, rate and phase.
+    """
+    n, p = points.shape[0], inverse.shape[0]
+    sense = 1.0 if rate > 0.0 else -1.0
+    right, row = np.zeros(p), np.empty(p)
+    for i in range(n):
+        dx, dy = points[i, 0] - circle[0], points[i, 1] - circle[1]
+        distance = np.hypot(dx, dy)
+        ux, uy = dx / distance, dy / distance
+        row[0], row[1], row[2] = ux, uy, 1.0
+        if p == 5:
+            row[3], row[4] = ux * age[i], uy * age[i]
+        # A metre a turn, as in the design of `widening`.
+        trust = weight[0, i] * sense * (angle[i] - angle[n - 1]) / _TURN
+        for j in range(p):
+            right[j] += trust * row[j]
+        if weight[1, i] > 0.0:
+            swept = (velocities[i, 1] * ux - velocities[i, 0] * uy) / distance
+            row[0], row[1], row[2] = -swept * uy, swept * ux, 0.0
+            if p == 5:
+                row[3], row[4] = ux - age[i] * swept * uy, uy + age[i] * swept * ux
+            trust = weight[1, i] * sense * swept / _TURN
+            for j in range(p):
+                right[j] += trust * row[j]
+    for j in range(p):
+        moved[j] = 0.0
+        for k in range(p):
+            moved[j] += inverse[j, k] * right[k]
+    # The angles are about the wrong centre, and of a rate that falls as the radius grows.
+    moved[p] = moved[p + 1] = 0.0
+    bend = sense * rate * rate / (2.0 * _TURN * circle[2])
+    for i in range(n):
+        dx, dy = points[i, 0] - circle[0], points[i, 1] - circle[1]
+        east, north = moved[0], moved[1]
+        if p == 5:
+            east += age[i] * moved[3]
+            north += age[i] * moved[4]
+        turned = (dy * east - dx * north) / (dx * dx + dy * dy) - bend * age[i] * age[i]
+        for j in range(2):
+            moved[p + j] += operators[j, i] * turned

@@ -8,7 +8,7 @@ is tried. Once enough of a turn is flown to tell, the circle may also drift.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import hypot, inf, isfinite, nan, pi, sqrt
+from math import hypot, inf, isfinite, nan, pi
 
 import numpy as np
 
@@ -19,10 +19,12 @@ from ctcbs_ros.kernels.track import joined_circle
 from ctcbs_ros.orbit.circle_fit import CircleFit
 from ctcbs_ros.orbit.noise import (
     AS_STATED,
+    NEWEST,
     Scatter,
     circle_covariance,
     fit_by_scatter,
     height,
+    lag_covariance,
 )
 from ctcbs_ros.orbit.objection import Objection, objection
 from ctcbs_ros.orbit.orbit import Orbit
@@ -39,10 +41,6 @@ _SEEN_DRIFT = 9.21
 _TRIED_ANEW = TURN / 64.0
 # Part of a turn after which a circle that stands still is asked again whether it drifts.
 _SOUGHT_ANEW = 1.0 / 16.0
-# Standard deviations of a change of the radius from which the circle is taken to change.
-_SEEN_CHANGE = 3.5
-# Part of a turn whose angles tell the phase.
-_NEWEST = 0.08
 # Turn of the course [deg] below which there is none to speak of.
 _NO_TURN = 5.0
 # Fewest samples of a circle.
@@ -262,22 +260,20 @@ class OrbitEstimator:
         )
         if not rate * sense > 0.0 or abs(rate) * fit.radius < s.minimum_speed:
             return Objection("the angle about the centre does not advance")
-        reach = _NEWEST * TURN / abs(rate)
+        reach = NEWEST * TURN / abs(rate)
         phase = newest_phase(time, angle, position_sigma, reach, operators[1])
         up, climb, height_covariance = height(samples, s.correlation_time)
-        covariance = np.zeros((9, 9))
-        covariance[_DRIFTING if drifts else _STANDING] = circle_covariance(
+        of_circle = circle_covariance(
             fit, samples, position_sigma, velocity_sigma, operators, abs(rate), excess, s
         )
+        of_circle += lag_covariance(fit, samples, angle, operators, rate, widened, s)
+        covariance = np.zeros((9, 9))
+        covariance[_DRIFTING if drifts else _STANDING] = of_circle
         covariance[4] *= sense
         covariance[:, 4] *= sense
         covariance[_HEIGHT] = height_covariance
         if not drifts:
             covariance[7, 7] = covariance[8, 8] = inf
-        change, variance, _ = widened
-        if abs(change) > _SEEN_CHANGE * sqrt(variance):
-            # The window lags a radius that changes, by what it changes in half of it.
-            covariance[3, 3] += (0.5 * change * arc / TURN) ** 2
         orbit = Orbit(
             time=float(time[-1]),
             start_time=float(time[0]),

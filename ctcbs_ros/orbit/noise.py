@@ -1,16 +1,19 @@
 """The samples' errors: stated, or seen in their scatter; and what of them reaches the orbit."""
 
-from math import sqrt
+from math import inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from ctcbs_ros.kernels.circle_covariance import propagate
 from ctcbs_ros.kernels.circle_errors import height_and_climb, shown_variances, white_scatter
+from ctcbs_ros.kernels.circle_trend import lag
 from ctcbs_ros.orbit.circle_fit import CircleFit, fit_circle
 from ctcbs_ros.orbit.settings import TURN, OrbitSettings
 from ctcbs_ros.orbit.window import Samples
 
+# Part of a turn whose angles tell the phase.
+NEWEST = 0.08
 # Scatter seen, over that stated or assumed, from which it is believed instead.
 _NOISIER = 1.5
 # Part by which a scatter may differ from that which a fit was made for.
@@ -19,6 +22,9 @@ _ALIKE = 0.25
 # the track is taken to be off a circle, and for how much of a turn that lasts.
 _EXCESS = 3.0
 _EXCESS_TURN = 0.1
+# Standard deviations of a change of the radius within `trend_share`, for a circle to be told from
+# a spiral: one of 20 % a turn is then taken for a circle once in two hundred.
+TOLD = 1.6
 # What the gain of the fit misses of the variance of Huber's estimate.
 _HUBER_COST = 1.04
 
@@ -130,14 +136,66 @@ def circle_covariance(
     rate_at = len(fit.inverse)
     covariance = np.empty((rate_at + 2, rate_at + 2))
     propagate(
-        fit.points, fit.velocities, samples.age, fit.circle, fit.weight, fit.inverse, operators,
-        position_variance, velocity_variance, correlated, np.array(times), covariance,
+        fit.points, fit.velocities, samples.age, fit.circle, fit.weight,
+        sqrt(_HUBER_COST) * fit.inverse, operators, position_variance, velocity_variance,
+        correlated, np.array(times), covariance,
     )
-    covariance *= _HUBER_COST
-    more = sqrt(max(1.0, excess - expected + 1.0))
-    covariance[rate_at] *= more
-    covariance[:, rate_at] *= more
+    if excess > expected + _EXCESS * sqrt(2.0 / len(samples)):
+        more = sqrt(excess - expected + 1.0)
+        covariance[rate_at] *= more
+        covariance[:, rate_at] *= more
+        # The angle swings about its line, as in wind once a turn; a line leaves of the square of
+        # that some 0.85 turns^3. Where it bends, the line through the newest angles misses it.
+        swing = (excess - expected) * float(np.mean(position_variance)) / fit.radius**2
+        swing /= 0.85 * min(rate * -samples.age[0] / TURN, 1.0) ** 3
+        covariance[-1, -1] += swing * ((NEWEST * TURN) ** 2 / 12.0) ** 2
     return covariance
+
+
+def lag_covariance(
+    fit: CircleFit,
+    samples: Samples,
+    angle: np.ndarray,
+    operators: np.ndarray,
+    rate: float,
+    widened: tuple[float, float, float],
+    settings: OrbitSettings,
+) -> np.ndarray | float:
+    """What `circle_covariance` misses where the radius changes: its circle lags behind.
+
+    The square of the change beyond chance; and while a spiral is not told from a circle at all,
+    that change with its variance.
+
+    Parameters
+    ----------
+    fit, samples, operators
+        As `circle_covariance` has them.
+    angle : (n,) ndarray
+        About the centre, continuous [rad].
+    rate : float
+        [rad/s], positive anticlockwise.
+    widened : (float, float, float)
+        Of `kernels.circle_trend.widening`.
+    settings : OrbitSettings
+
+    Returns
+    -------
+    (5, 5) or (7, 7) ndarray, or 0.0
+    """
+    change, variance, _ = widened
+    untold = (
+        abs(angle[-1] - angle[0]) < settings.drift_arc
+        and TOLD * sqrt(variance) > settings.trend_share * fit.radius
+    )
+    square = change**2 + (variance if untold else -variance)
+    if not 0.0 < square < inf:
+        return 0.0
+    moved = np.empty(len(fit.inverse) + 2)
+    lag(
+        fit.points, fit.velocities, samples.age, fit.circle, fit.weight, fit.inverse, angle,
+        operators, rate, moved,
+    )
+    return square * np.outer(moved, moved)
 
 
 def height(samples: Samples, correlation_time: float) -> tuple[float, float, np.ndarray]:

@@ -8,14 +8,15 @@ import numpy as np
 from ctcbs_ros.kernels.circle_angles import newest_offset, progress
 from ctcbs_ros.kernels.circle_errors import clipped_rms
 from ctcbs_ros.orbit.circle_fit import CircleFit
+from ctcbs_ros.orbit.noise import TOLD
 from ctcbs_ros.orbit.settings import TURN, OrbitSettings
 from ctcbs_ros.orbit.window import Samples
 
 # Mean square of the residuals beside a spiral, in those expected, below which it is just that.
 _CLEAN = 2.0
-# Standard deviations of a change of the radius within `trend_share`, for a drift to be told from a
-# spiral: one of 20 % a turn is then taken for a drift once in two hundred.
-_TOLD = 1.6
+# Over less than a turn: standard deviations by which a change of the radius exceeds the largest
+# allowed, and of one that noise alone exceeds once in a hundred times.
+_BEYOND, _NOISE = 1.8, 2.6
 
 
 @dataclass(frozen=True)
@@ -92,12 +93,13 @@ def _changes(fit, arc, widened, flown, settings) -> Objection | None:
     # A spiral looks much like a drift: a circle is believed to drift only once its radius is known
     # to stand still. From then on noise does not take that back, only a change that is seen.
     in_doubt = fit.drifts and not flown
-    if in_doubt and _TOLD * sqrt(variance) > settings.trend_share * fit.radius:
+    if in_doubt and TOLD * sqrt(variance) > settings.trend_share * fit.radius:
         return Objection("a drift is not yet told from a spiral", final, untold=True)
     share = settings.drift_share if in_doubt else settings.trend_share
-    # Over a whole turn it shows for what it is; over half a turn noise makes some of each.
-    deviations = 1.0 if in_doubt or arc > 0.95 * TURN else 2.0
-    if abs(change) > share * fit.radius + deviations * sqrt(variance):
+    # Over a whole turn a change shows for what it is; over half a turn noise makes some of each.
+    beyond, noise = (1.0, 0.0) if in_doubt or arc > 0.95 * TURN else (_BEYOND, _NOISE)
+    most = max(share * fit.radius + beyond * sqrt(variance), noise * sqrt(variance))
+    if abs(change) > most:
         return Objection(f"a spiral: the radius changes by {change:+.0f} m a turn", final)
     return None
 

@@ -37,7 +37,7 @@ class OrbitSettings:
         Largest root mean square distance from the circle, over its radius, beyond the noise.
     trend_share : float
         Largest change of the radius in one turn, over the radius; more is a spiral. It must
-        exceed this by two of its standard deviations.
+        exceed this by one to two of its standard deviations.
     drift_arc : float
         Least angle about the centre for which a drift of the circle is fitted [rad]: over less it
         is hardly told from another radius, and fitting it would cost the others' accuracy.

@@ -21,7 +21,8 @@ from ctcbs_ros.orbit.tracks import (
     straight,
 )
 
-# Flight k of each study is seeded with its number here and k.
+# Flight k of each study is seeded with its number here and k; of the accuracy with each noise,
+# with the noise's number (`seed_of`) between: one draw must not decide several cases.
 SEEDS = {"accuracy": 1, "entry_and_departure": 2, "taken_for_orbits": 3, "comparison": 4}
 
 
@@ -147,9 +148,14 @@ SHAPES = {
 STANDING = {"hover": 0.5, "parked": 0.1}
 
 
-def flight_of(noise: Noise, run: int, seed: int):
+def seed_of(name: str) -> tuple[int, int]:
+    """Seed of the flights with one of `NOISES`."""
+    return SEEDS["accuracy"], 1 + list(NOISES).index(name)
+
+
+def flight_of(noise: Noise, run: int, seed: int | tuple[int, int]):
     """A flight from straight into a circle, its radius, rate and centre at its end, its drift."""
-    rng = np.random.default_rng([seed, run])
+    rng = np.random.default_rng([*np.atleast_1d(seed), run])
     a, speed, sense = random_circle(rng)
     circle = [arc(a, noise.turns, sense)]
     end = a
