@@ -1,7 +1,7 @@
 """The least damped mode without all eigenvalues, against all of them by numpy."""
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from scipy.stats import ortho_group
 from threadpoolctl import threadpool_limits
 
 from ctcbs_ros.kernels.galerkin import assemble
+from ctcbs_ros.solver import stability as solver_stability
 from ctcbs_ros.solver.rightmost import corrected, rightmost
 from ctcbs_ros.solver.stability import FUNCTIONS, stability, vibration_matrix
 from ctcbs_ros.solver.steady_state import cable_states, steady_states
@@ -148,6 +149,12 @@ def test_least_damped_mode_of_random_points_is_that_of_all_eigenvalues():
 def test_least_damped_mode_of_two_thousand_points_is_that_of_all_eigenvalues():
     for state in _random_states(2000, 2):
         _agrees_with_all_eigenvalues(state)
+
+
+def test_phase_of_a_slow_wave_is_the_integral_of_its_wave_number():
+    for state in islice(_random_states(10, 8), 20):
+        found = solver_stability._slow_wave_phase(state)
+        assert found == pytest.approx(_slow_wave_phase(state), rel=0.02)
 
 
 @pytest.mark.slow

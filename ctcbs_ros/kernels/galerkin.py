@@ -206,3 +206,30 @@ def assemble(theta, length, gamma, elastic, damping, n, nodes, weights, states):
     for r in range(half):
         a[r, half + r] = 1.0
     return a
+
+
+@kernel
+def slow_wave_phase(states, weights, omega, cable_drag, elasticity, rate):
+    """Phase [rad] by which a damped wave turns along the cable.
+
+    Parameters
+    ----------
+    states : (n, 6) array
+        Position and tension vector at the points of a quadrature.
+    weights : (n,) array
+        Of that quadrature, of arc length.
+    omega, cable_drag, elasticity : float
+        The last infinite for a cable that does not stretch.
+    rate : float
+        |lambda| of the wave, per radian of orbit.
+    """
+    phase = 0.0
+    for i in range(states.shape[0]):
+        x, y = states[i, 0], states[i, 1]
+        f_x, f_y, f_z = states[i, 3], states[i, 4], states[i, 5]
+        tension = np.sqrt(f_x * f_x + f_y * f_y + f_z * f_z)
+        along = (x * f_y - y * f_x) / tension
+        drag = cable_drag * np.sqrt(max(x * x + y * y - along * along, 0.0))
+        stiffness = tension / (1.0 + tension / elasticity)
+        phase += weights[i] * omega * np.sqrt((rate * rate + drag * rate) / stiffness)
+    return phase

@@ -85,7 +85,6 @@ def rightmost(a: np.ndarray, band: float, modes: int | None = None) -> Rightmost
     least = _DIMENSION if modes is None else min(modes + _SPARE, half)
     for dimension in range(least, half + 1, _GROWTH):
         basis = _orthonormal(power[:, _lowest_functions(half, dimension)])
-        basis = _orthonormal(power @ basis)
         values = _eigenvalues(basis.T @ (inverse @ basis))
         if values is None or np.any(values == 0.0):
             return None

@@ -11,8 +11,9 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg.lapack import dgeev
 
-from ctcbs_ros.kernels.galerkin import assemble
+from ctcbs_ros.kernels.galerkin import assemble, slow_wave_phase
 from ctcbs_ros.solver.blas import one_blas_thread
+from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.rightmost import corrected, rightmost
 from ctcbs_ros.solver.steady_state import SteadyState, cable_states
 
@@ -25,6 +26,8 @@ RELATIVE, ABSOLUTE = 0.01, 1e-5
 # seldom they still do: test_chance_agreement_is_rare_where_little_tension_meets_much_drag.
 _FUNCTIONS_A_RADIAN = 2.7
 _SLOW_WAVE = 0.3  # |lambda| of that wave, per radian of orbit
+# Points along the cable that its phase is summed at: those of 12 functions.
+_WAVE_POINTS = 32
 # Below this a mode does not oscillate: the loss it leads to is a divergence.
 _REAL = 1e-6
 # gamma of a cable that does not stretch: below 1e-4 at the tensions of all of Table 2.1.
@@ -104,14 +107,21 @@ def vibration_matrix(state: SteadyState, functions: int) -> np.ndarray:
 
 def _matrix(state: SteadyState, functions: int) -> np.ndarray:
     p = state.parameters
-    x, w = _quadrature(2 * functions + 8)
-    nodes = x * p.length
-    # 1e-8 is far below the 1 % asked of the margin, and cheaper than the steady state's own.
-    states = cable_states(p, state.end_mass_radius, nodes, 1e-8)
+    nodes, weights, states = _shape(p, state.end_mass_radius, 2 * functions + 8)
     return assemble(
         p.theta(state.end_mass_radius), p.length, p.gamma, p.elastic, p.damping,
-        functions, nodes, w * p.length, np.ascontiguousarray(states),
+        functions, nodes, weights, states,
     )
+
+
+@lru_cache(maxsize=2)
+def _shape(p: Parameters, end_mass_radius: float, points: int) -> tuple[np.ndarray, ...]:
+    """Arc lengths and weights of a quadrature along the cable, and its states there, (n, 6)."""
+    x, w = _quadrature(points)
+    nodes = x * p.length
+    # 1e-8 is far below the 1 % asked of the margin, and cheaper than the steady state's own.
+    states = cable_states(p, end_mass_radius, nodes, 1e-8)
+    return nodes, w * p.length, np.ascontiguousarray(states)
 
 
 def eigenvalues(state: SteadyState, functions: int) -> np.ndarray:
@@ -207,16 +217,8 @@ def _slow_wave_phase(state: SteadyState) -> float:
     where little tension meets much drag, modes are short.
     """
     p = state.parameters
-    x, weights = _quadrature(32)
-    states = cable_states(p, state.end_mass_radius, x * p.length, 1e-6)
-    position, force = states[:, :3], states[:, 3:]
-    tension = np.sqrt(np.einsum("ij,ij->i", force, force))
-    along = (position[:, 0] * force[:, 1] - position[:, 1] * force[:, 0]) / tension
-    wind = position[:, 0] ** 2 + position[:, 1] ** 2 - along**2
-    drag = p.cable_drag * np.sqrt(np.maximum(wind, 0.0))
-    stiffness = tension / (1.0 + tension / p.elasticity)
-    number = p.omega * np.sqrt((_SLOW_WAVE**2 + drag * _SLOW_WAVE) / stiffness)
-    return float(p.length * (weights @ number))
+    _, weights, states = _shape(p, state.end_mass_radius, _WAVE_POINTS)
+    return slow_wave_phase(states, weights, p.omega, p.cable_drag, p.elasticity, _SLOW_WAVE)
 
 
 def _agree(before: float, growth: float) -> bool:
