@@ -5,12 +5,11 @@ elimination from the first row to the last, with no exchange of rows: an implici
 the mass, which dominates, plus positive multiples of damping and stiffness.
 """
 
-from numba import njit
 
-_FUSED = {"contract"}
+from ctcbs_ros.kernels.compiled import fused_kernel
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def factorise(lower, diagonal, upper):
     """Factorise in place: diagonal[i] becomes the inverse pivot, upper[i] that times upper[i].
 
@@ -49,7 +48,7 @@ def factorise(lower, diagonal, upper):
                     up[a, b] = d[a, 0] * u0 + d[a, 1] * u1 + d[a, 2] * u2
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def solve(lower, inverse, upper, x):
     """Replace the right-hand side x, (n, 3), by the solution.
 

@@ -25,7 +25,8 @@ That motion is along the cable, where there is no drag.
 """
 
 import numpy as np
-from numba import njit
+
+from ctcbs_ros.kernels.compiled import fused_kernel, kernel
 
 # Columns of `line`: mass per length, EA, eta, net weight per length, k, and 1 for drag at nodes.
 MASS, STIFFNESS, DAMPING, WEIGHT, DRAG, DRAG_AT_NODES = range(6)
@@ -35,10 +36,9 @@ END_MASS, END_WEIGHT, END_DRAG = range(3)
 N_END = 3
 # Of a segment folded to nothing, the direction means nothing either; it only must be finite.
 _FOLDED = 1e-9
-_FUSED = {"contract"}
 
 
-@njit(cache=True)
+@kernel
 def masses(line, end, length, n, mass):
     """Write the masses of nodes 0 .. n-1 to `mass`, (n,)."""
     h = length / n
@@ -47,7 +47,7 @@ def masses(line, end, length, n, mass):
     mass[0] = end[END_MASS] + 0.5 * line[MASS] * h
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def forces(x, v, line, end, wind, length, length_rate, length_second, force):
     """Write the forces on nodes 0 .. n-1, divided by nothing, to `force`, (n, 3).
 
@@ -140,7 +140,7 @@ def forces(x, v, line, end, wind, length, length_rate, length_second, force):
                 )
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def derivatives(x, v, line, end, wind, length, length_rate, length_second, by_x, by_v):
     """Write the derivatives of `forces` by positions and velocities.
 

@@ -10,20 +10,19 @@ damped by the method; nothing limits the step but its error.
 """
 
 import numpy as np
-from numba import njit
 
 from ctcbs_ros.kernels import rosenbrock as pair
 from ctcbs_ros.kernels.block_tridiagonal import factorise, solve
 from ctcbs_ros.kernels.cable_forces import N_END, STIFFNESS, derivatives, forces, masses
+from ctcbs_ros.kernels.compiled import fused_kernel, kernel
 from ctcbs_ros.kernels.piecewise import evaluate
 
 _STAGES, _G = pair.STAGES, pair.G
 _A, _C, _D, _E, _ALPHA = pair.A, pair.C, pair.D, pair.E, pair.ALPHA
 OK, TOO_MANY_STEPS, NOT_FINITE, NO_LENGTH = range(4)
-_FUSED = {"contract"}
 
 
-@njit(cache=True)
+@kernel
 def drive_at(drive, t, inside, x, v, wind, end, scratch):
     """Put the tow point into the last rows of x and v; write the wind and the end mass.
 
@@ -44,7 +43,7 @@ def drive_at(drive, t, inside, x, v, wind, end, scratch):
     return one[0], rate[0], second[0]
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def accelerations(drive, line, t, inside, x, v, out):
     """Write the accelerations of nodes 0 .. n-1 at a time to `out`, (n, 3).
 
@@ -60,7 +59,7 @@ def accelerations(drive, line, t, inside, x, v, out):
             out[i, a] /= mass[i]
 
 
-@njit(cache=True)
+@kernel
 def _steady(drive):
     """Whether wind, length and end mass never change."""
     for k in range(1, 4):
@@ -69,7 +68,7 @@ def _steady(drive):
     return True
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def advance(drive, line, stops, tolerance, scale_x, scale_v, scale_t, most_steps, t, t_end, h,
             x, v, times, out_x, out_v):  # fmt: skip
     """Integrate from t to t_end, writing the states at the rising `times` in between.
@@ -265,7 +264,7 @@ def advance(drive, line, stops, tolerance, scale_x, scale_v, scale_t, most_steps
     return OK, t, h, steps, rejected
 
 
-@njit(cache=True, fastmath=_FUSED)
+@fused_kernel
 def _greatest_stretch(x, moved):
     """Greatest change of a segment's length by small displacements of nodes 0 .. n-1, (n, 3)."""
     n = moved.shape[0]
@@ -281,7 +280,7 @@ def _greatest_stretch(x, moved):
     return greatest
 
 
-@njit(cache=True)
+@kernel
 def _between(part, before, after, stages, found):
     """Write nodes 0 .. n-1 at a part of a step, by the method's polynomial."""
     for i in range(found.shape[0] - 1):

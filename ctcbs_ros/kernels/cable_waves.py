@@ -10,10 +10,11 @@ At a steady state in the rotating frame the derivatives are those of `ctcbs_ros.
 """
 
 import numpy as np
-from numba import njit
+
+from ctcbs_ros.kernels.compiled import kernel
 
 
-@njit(cache=True)
+@kernel
 def local_forces(
     omega, cable_drag, gamma, damping, r_s, v, r_st, wanted,
     drag, pull, drag_by_v, drag_by_slope, pull_by_slope, pull_by_rate,
@@ -68,7 +69,7 @@ def local_forces(
     return least
 
 
-@njit(cache=True)
+@kernel
 def element_matrix(first, second, mass, damping, stiffness, matrix):
     """Derivative of an element's residuals at all times by its unknowns at all times, transposed.
 

@@ -5,10 +5,11 @@ sum_j coefficients[j, i] (t - breaks[i])^j. Outside, the first and the last piec
 jump at a break: which side counts is told by a second time, `inside`.
 """
 
-from numba import njit
+
+from ctcbs_ros.kernels.compiled import kernel
 
 
-@njit(cache=True)
+@kernel
 def piece(breaks, inside):
     """Index of the piece that holds the time `inside`."""
     low, high = 0, breaks.shape[0] - 2
@@ -21,7 +22,7 @@ def piece(breaks, inside):
     return low
 
 
-@njit(cache=True)
+@kernel
 def evaluate(breaks, coefficients, t, inside, value, rate, second):
     """Write the signal and its first two derivatives at t, each (d,)."""
     i = piece(breaks, inside)
