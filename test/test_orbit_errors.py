@@ -14,6 +14,7 @@ from ctcbs_ros.kernels.circle_errors import (
 )
 from ctcbs_ros.kernels.track import joined_circle, turn_start
 from ctcbs_ros.orbit.circle_fit import fit_circle
+from ctcbs_ros.orbit.estimator import OrbitEstimator
 
 RADIUS, SPEED = 90.0, 25.0
 
@@ -179,3 +180,24 @@ def test_a_circle_is_joined_after_the_last_three_samples_in_a_row_off_it(drift):
     points[42] += 0.5 * out[42]
     assert joined_circle(points, *arguments) == 43
     assert joined_circle(points[43:], *(a[43:] for a in arguments[:3]), *arguments[3:]) == 0
+
+
+@pytest.mark.parametrize("noise", [0.02, 1.5])
+@pytest.mark.parametrize("climb", [4.0, -3.0, 0.0])
+def test_height_is_that_of_now_also_after_a_climb_has_begun_or_ended(climb, noise):
+    # A turn of 25 s at 5 Hz, the climb before a bend or after it. In noise a bend shows after 4 s.
+    random, off = np.random.default_rng(6), []
+    time = np.arange(0.0, 25.0, 0.2)
+    angle = 2.0 * np.pi * time / 25.0
+    for bend in (8.0, 12.0, 16.0, 20.0, *((23.0,) if noise < 1.0 else ())):
+        for up in (climb * np.minimum(time, bend), climb * np.maximum(time - bend, 0.0)):
+            estimator = OrbitEstimator()
+            seen = up + random.normal(0.0, noise, time.size)
+            for t, a, z in zip(time, angle, seen, strict=True):
+                position = np.array([80.0 * np.cos(a), 80.0 * np.sin(a), z])
+                velocity = 20.0 * np.array([-np.sin(a), np.cos(a), 0.0])
+                orbit = estimator.add(t, position, velocity).orbit
+            off.append((orbit.center[2] - up[-1], np.sqrt(orbit.covariance[2, 2])))
+    error, stated = np.array(off).T
+    assert np.abs(error).max() < 0.7 + 2.0 * noise
+    assert (np.abs(error) < 3.0 * stated).all()

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ctcbs_ros.kernels.circle import scatter
 from ctcbs_ros.kernels.circle_covariance import propagate
 from ctcbs_ros.kernels.circle_errors import height_and_climb, shown_variances, white_scatter
 from ctcbs_ros.kernels.circle_trend import lag
@@ -25,6 +26,11 @@ _EXCESS_TURN = 0.1
 # Standard deviations of a change of the radius within `trend_share`, for a circle to be told from
 # a spiral: one of 20 % a turn is then taken for a circle once in two hundred.
 TOLD = 1.6
+# Parts of the samples that a line of the height is fitted to, the fewest, and by how much the line
+# may pass by the newest ones [m], beside noise of at least so much [m].
+_HEIGHT_SHARES = (1.0, 0.5, 0.25, 0.12)
+_FEWEST_HEIGHTS = 6
+_BENT, _LEAST_HEIGHT_NOISE = 0.3, 0.02
 # What the gain of the fit misses of the variance of Huber's estimate.
 _HUBER_COST = 1.04
 
@@ -199,10 +205,22 @@ def lag_covariance(
 
 
 def height(samples: Samples, correlation_time: float) -> tuple[float, float, np.ndarray]:
-    """Height at the newest sample [m], climb rate [m/s] and their covariance (2, 2)."""
+    """Height at the newest sample [m], climb rate [m/s] and their covariance (2, 2).
+
+    By a line through as much of the samples as it fits up to the newest ones: a climb may have
+    begun or ended within the turn.
+    """
+    noise = max(scatter(samples.up), _LEAST_HEIGHT_NOISE)
     covariance = np.empty((2, 2))
-    up, climb = height_and_climb(
-        samples.age, samples.up, samples.white_sigma, samples.correlated_sigma, correlation_time,
-        covariance,
-    )
+    for share in _HEIGHT_SHARES:
+        part = samples[-max(int(share * len(samples)), _FEWEST_HEIGHTS) :]
+        up, climb = height_and_climb(
+            part.age, part.up, part.white_sigma, part.correlated_sigma, correlation_time,
+            covariance,
+        )
+        newest = max(len(part) // 8, 3)
+        off = float(np.mean(part.up[-newest:] - climb * part.age[-newest:])) - up
+        if abs(off) < 3.0 * noise / sqrt(newest) + _BENT:
+            break
+    covariance[0, 0] += off * off
     return up, climb, covariance
