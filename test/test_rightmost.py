@@ -151,6 +151,21 @@ def test_least_damped_mode_of_two_thousand_points_is_that_of_all_eigenvalues():
         _agrees_with_all_eigenvalues(state)
 
 
+def test_a_mode_at_the_edge_of_what_the_subspace_holds_is_not_passed_over():
+    # Little tension and drag: the rightmost mode, 4.79i, is hardly in the subspace of 8 to 32.
+    point = {
+        "omega": 1.4208260977751168, "l": 4.760069909825378, "m": 0.48248926822869215,
+        "d_n": 0.032249558425530775, "f": 2.5844657071121335,
+    }  # fmt: skip
+    state = steady_states(parameters(point)).states[0]
+    matrix, band = vibration_matrix(state, 12), state.parameters.band
+    worst = _worst(matrix, band)
+    assert worst == pytest.approx(-0.02593581 + 4.79195j, abs=1e-5)
+    for modes in (None, *range(1, 31)):
+        found = rightmost(matrix, band, modes)
+        assert found is None or found.value == pytest.approx(worst, abs=1e-6)
+
+
 def test_phase_of_a_slow_wave_is_the_integral_of_its_wave_number():
     for state in islice(_random_states(10, 8), 20):
         found = solver_stability._slow_wave_phase(state)

@@ -34,6 +34,9 @@ from scipy.linalg.lapack import (
 # Dimension of the subspace to begin with, which holds the modes of nine flights in ten; by how
 # much it grows where it is too small, and by how much it exceeds a number of modes known.
 _DIMENSION, _GROWTH, _SPARE = 18, 12, 6
+# Radius of the circle that surely holds the modes, over that which has to: of a mode on the edge a
+# sixth, 1.25^-8, is outside the subspace, and its value there is not its own.
+_SURE = 1.25
 # A mode may be this much (relatively) further right than the subspace says. Those in doubt are
 # all corrected, and a correction by more is not believed.
 _DOUBT = 1e-3
@@ -83,7 +86,7 @@ def rightmost(a: np.ndarray, band: float, modes: int | None = None) -> Rightmost
     power = power @ power
     power = power @ power
     least = _DIMENSION if modes is None else min(modes + _SPARE, half)
-    for dimension in range(least, half + 1, _GROWTH):
+    for dimension in (*range(least, half, _GROWTH), half):
         basis = _orthonormal(power[:, _lowest_functions(half, dimension)])
         values = _eigenvalues(basis.T @ (inverse @ basis))
         if values is None or np.any(values == 0.0):
@@ -98,13 +101,13 @@ def rightmost(a: np.ndarray, band: float, modes: int | None = None) -> Rightmost
         possible = possible[(possible.imag >= 0.0) & (possible.imag <= band * (1.0 + _DOUBT))]
         if possible.size == 0:
             continue
-        if radius <= _needed(band, right, sigma, possible.real.max()):
+        if radius <= _SURE * _needed(band, right, sigma, possible.real.max()):
             continue
         found = _best(stiffness, damping, possible, band)
         if found is None:
             continue
         needed = _needed(band, right, sigma, found.real)
-        if radius > needed:
+        if radius > _SURE * needed:
             return Rightmost(found, int(np.count_nonzero(np.abs(values - sigma) < needed)))
     return None
 
