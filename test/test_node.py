@@ -127,6 +127,16 @@ def test_running_node_ends_with_zero(tmp_path, drone_table, signals):
         assert "Traceback" not in node.output
 
 
+def test_signals_at_every_moment_of_the_end_do_not_break_it(tmp_path, drone_table):
+    with RunningNode(tmp_path, {"table.file": quoted(str(drone_table))}) as node:
+        node.wait_until_ready()
+        while node.process.poll() is None:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                node.process.send_signal(number)
+        assert node.process.returncode == 0, node.output
+        assert "Traceback" not in node.output
+
+
 def test_node_amid_publishing_ends_with_zero(tmp_path, drone_log, drone_table):
     parameters = {
         "mavlink.url": quoted(str(drone_log)),

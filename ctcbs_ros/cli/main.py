@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from ctcbs_ros import __version__
+from ctcbs_ros import __version__, signals
 from ctcbs_ros.errors import InputError
 
 
@@ -61,9 +61,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 128 + signal.SIGPIPE
     finally:
         # Where one came, a second one must not break Python's own end either.
-        none_came = signal.getsignal(signal.SIGINT) is _interrupt
-        for number, handler in before.items():
-            signal.signal(number, handler if none_came else signal.SIG_IGN)
+        if signal.getsignal(signal.SIGINT) is _interrupt:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+        else:
+            signals.ignore()
 
 
 class _Parser(argparse.ArgumentParser):
@@ -122,16 +124,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _interrupt(_number: int, _frame) -> None:
-    _let_it_end()
+    signals.absorb()  # the end removes what is half written
     raise Interrupted
 
 
 def _terminate(number: int, _frame) -> None:
-    _let_it_end()
+    signals.absorb()
     raise Terminated(128 + number)
-
-
-def _let_it_end() -> None:
-    """From here on a further signal must not break the end, which removes what is half written."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: None)

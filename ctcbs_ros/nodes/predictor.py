@@ -5,6 +5,8 @@ import signal
 import sys
 from contextlib import suppress
 
+from ctcbs_ros import signals
+
 NO_ROS = (
     "needs ROS 2 (rclpy), which is not here: source a ROS installation, "
     "or pip install 'ctcbs_ros[ros]'"
@@ -26,7 +28,7 @@ def main() -> int:
     try:
         return _run()
     finally:
-        _ignore_signals()
+        signals.ignore()
 
 
 def _run() -> int:
@@ -67,7 +69,7 @@ def _run() -> int:
         if rclpy.ok():  # otherwise a signal came while a message was published
             raise
     finally:
-        _ignore_signals()
+        signals.absorb()
         if node is not None:
             node.close()
             node.destroy_node()
@@ -92,16 +94,8 @@ def spin(node) -> None:
 
 
 def _stop(_number, _frame) -> None:
-    # Of two that came at once Python has yet to run the other's handler, and complains of SIG_IGN.
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: None)
+    signals.absorb()
     sys.exit(0)
-
-
-def _ignore_signals() -> None:
-    """From here on a further signal must not break the end."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 def _refuse(reason: str) -> int:
