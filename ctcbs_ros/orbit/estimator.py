@@ -26,7 +26,7 @@ from ctcbs_ros.orbit.noise import (
     height,
     lag_covariance,
 )
-from ctcbs_ros.orbit.objection import Objection, objection
+from ctcbs_ros.orbit.objection import Objection, drifts_with_the_air, objection
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.settings import TURN, OrbitSettings
 from ctcbs_ros.orbit.window import Samples, SampleWindow
@@ -213,19 +213,22 @@ class OrbitEstimator:
                 # Neither stands it still: a part of it would only seem to.
                 return drifting
             return standing
-        if self._is_seen_to_drift(drifting.orbit):
+        if self._is_seen_to_drift(drifting, samples):
             return drifting
         if isinstance(standing, _Found):
             seen = drifting.orbit.covariance[_DRIFT, _DRIFT]
             standing.orbit.covariance[_DRIFT, _DRIFT] = self._drift_covariance = seen
         return standing
 
-    def _is_seen_to_drift(self, orbit: Orbit) -> bool:
+    def _is_seen_to_drift(self, found: _Found, samples: Samples) -> bool:
+        orbit = found.orbit
         turn = TURN / orbit.angular_rate
         if hypot(*orbit.drift) * turn < self._settings.drift_share * orbit.radius:
             return False
         covariance = orbit.covariance[_DRIFT, _DRIFT]
-        return orbit.drift @ np.linalg.solve(covariance, orbit.drift) > _SEEN_DRIFT
+        if orbit.drift @ np.linalg.solve(covariance, orbit.drift) <= _SEEN_DRIFT:
+            return False
+        return drifts_with_the_air(found.fit, samples)
 
     def _orbit_of(self, samples: Samples, drifts: bool) -> _Found | Objection:
         s = self._settings

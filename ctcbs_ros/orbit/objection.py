@@ -17,6 +17,9 @@ _CLEAN = 2.0
 # Over less than a turn: standard deviations by which a change of the radius exceeds the largest
 # allowed, and of one that noise alone exceeds once in a hundred times.
 _BEYOND, _NOISE = 1.8, 2.6
+# Swing of the speed relative to a drifting centre, once a turn, from which it does not drift: over
+# the drift, and in the swing's standard deviations.
+_SWINGS, _UNSEEN = 0.5, 1.5
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,21 @@ def objection(
         or _off_the_circle(fit, angle, sigma, settings)
         or _goes_back(fit, samples, angle, sigma, settings)
     )
+
+
+def drifts_with_the_air(fit: CircleFit, samples: Samples) -> bool:
+    """Whether the speed bears a fitted drift out.
+
+    A circle that is converged onto fits one that drifts as well. But flown in air that drifts, the
+    speed over the ground swings once a turn by the drift; without that swing, the speed relative
+    to the drifting centre does.
+    """
+    known = fit.velocities[np.isfinite(fit.velocities[:, 0])]
+    speed = np.hypot(*known.T)
+    design = np.column_stack([np.ones(len(speed)), known / speed[:, None]])
+    found, *_ = np.linalg.lstsq(design, speed, rcond=None)
+    noise = float(np.mean(samples.velocity_sigma)) * sqrt(2.0 / len(speed))
+    return hypot(found[1], found[2]) < max(_SWINGS * hypot(*fit.drift), _UNSEEN * noise)
 
 
 def _speed_varies(fit, samples, settings) -> Objection | None:

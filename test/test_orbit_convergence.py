@@ -1,0 +1,55 @@
+"""The orbit estimator while an autopilot converges onto its circle, or leaves it."""
+
+import numpy as np
+import pytest
+
+from ctcbs_ros.orbit.estimator import OrbitEstimator
+from ctcbs_ros.orbit.guided_tracks import Autopilot, Loiter, Straight, guided
+from ctcbs_ros.orbit.settings import OrbitSettings
+
+
+def flown(legs, seed, wind=(0.0, 0.0), airspeed=23.0, start=(-400.0, 0.0)):
+    """Time, true position and the estimator's orbits at 5 Hz; 1.5 m and 0.3 m/s."""
+    rng = np.random.default_rng(seed)
+    time, position, velocity = guided(Autopilot(airspeed, wind=wind), legs, start, 0.0)
+    time, position, velocity = time[::10], position[::10], velocity[::10]
+    estimator = OrbitEstimator(OrbitSettings(correlated_share=0.0))
+    orbits = [
+        estimator.add(
+            t, np.array([*p, 100.0]) + rng.normal(0.0, 1.5, 3),
+            np.array([*v, 0.0]) + rng.normal(0.0, 0.3, 3), 1.5, 0.3,
+        ).orbit
+        for t, p, v in zip(time, position, velocity, strict=True)
+    ]  # fmt: skip
+    return time, position, orbits
+
+
+@pytest.mark.parametrize("wind", [(0.0, 0.0), (4.0, -3.0)])
+def test_a_steered_flight_ends_on_its_circle_and_is_straight_where_it_should_be(wind):
+    legs = [Straight(20.0, 1.0), Loiter(100.0, (60.0, 300.0), 100.0, -1)]
+    time, position, velocity = guided(Autopilot(23.0, wind=wind), legs, (-400.0, 0.0), 0.3)
+    late = time > 70.0
+    distance = np.hypot(*(position[late] - legs[1].center).T)
+    assert distance.min() == pytest.approx(distance.max(), rel=0.06 if any(wind) else 1e-4)
+    assert distance.mean() == pytest.approx(100.0, rel=0.01)
+    east, north = (position[late] - legs[1].center).T
+    assert np.all(velocity[late, 1] * east - velocity[late, 0] * north < 0.0)
+    course = np.arctan2(velocity[(time > 15.0) & (time < 20.0), 1],
+                        velocity[(time > 15.0) & (time < 20.0), 0])  # fmt: skip
+    assert course == pytest.approx(1.0, abs=0.02)
+    assert np.hypot(*(velocity - wind).T) == pytest.approx(23.0)
+    moved = np.diff(position, axis=0) / np.diff(time)[:, None]
+    assert moved == pytest.approx(0.5 * (velocity[1:] + velocity[:-1]), abs=0.02)
+
+
+@pytest.mark.parametrize("radius", [70.0, 120.0])
+def test_a_circle_converged_onto_is_not_taken_for_one_that_drifts(radius):
+    # In still air; with a tighter and a wider circle flown before.
+    legs = [Loiter(70.0, (0.0, 0.0), 95.0, 1), Loiter(150.0, (40.0, 0.0), radius, 1)]
+    seen = 0
+    for seed in range(3):
+        for orbit in flown(legs, seed)[2]:
+            if orbit is not None:
+                assert not np.any(orbit.drift)
+                seen += 1
+    assert seen > 800
