@@ -6,6 +6,7 @@ A parameter file or the node's parameters go in, a checked and frozen `Configura
 import hashlib
 import json
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import inf, isfinite, nan, pi
@@ -15,10 +16,13 @@ from typing import Any
 from ctcbs_ros.atmosphere import GRAVITY, standard_atmosphere_density
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.parameter_file import read_parameter_file
+from ctcbs_ros.parameter_spec import shown
 from ctcbs_ros.schema import checked_parameters, with_settings
 
 # By how much the density of the air strays from the standard one: 4 % of pressure, and 40 K.
 WEATHER = 0.2
+# A topic's name as ROS has it.
+TOPIC = re.compile(r"[/~]?[A-Za-z_]\w*(/[A-Za-z_]\w*)*|~(/[A-Za-z_]\w*)+", re.ASCII)
 PHYSICS = ("cable", "end_mass", "air", "envelope")
 
 
@@ -163,6 +167,35 @@ class Receiver:
 
 
 @dataclass(frozen=True)
+class Beacon:
+    """The payload's own beacon: a MAVLink system and component (0 for none, any) or a topic.
+
+    Attributes
+    ----------
+    system_id, component_id : int
+    topic : str
+    position_sigma : float
+        Standard deviation of its position along an axis where it states none [m].
+    height_sigma : float
+        Of the difference of its height and the aircraft's [m]: two receivers, or two barometers.
+    time_sigma : float
+        Of its time on the aircraft's clock, beyond what the messages show [s].
+    """
+
+    system_id: int = 0
+    component_id: int = 0
+    topic: str = ""
+    position_sigma: float = 2.0
+    height_sigma: float = 5.0
+    time_sigma: float = 0.1
+
+    @property
+    def present(self) -> bool:
+        """Whether there is one."""
+        return bool(self.system_id or self.topic)
+
+
+@dataclass(frozen=True)
 class Configuration:
     """One operation; `source` says where it was read from (a path, or a node's name)."""
 
@@ -174,6 +207,7 @@ class Configuration:
     source: str
     wind: SetWind = SetWind()
     receiver: Receiver = field(default_factory=Receiver)
+    beacon: Beacon = Beacon()
 
 
 def load_configuration(path: str | Path, settings: Sequence[str] = ()) -> Configuration:
@@ -236,6 +270,7 @@ def configuration_from_mapping(mapping: Mapping[str, Any], source: str) -> Confi
         }
 
     _refuse_wrong_air(values, source)
+    _refuse_wrong_beacon(values, source)
     configuration = Configuration(
         cable=Cable(**section("cable")),
         end_mass=EndMass(**section("end_mass")),
@@ -245,6 +280,7 @@ def configuration_from_mapping(mapping: Mapping[str, Any], source: str) -> Confi
         source=source,
         wind=SetWind(**section("wind")),
         receiver=Receiver(**section("receiver")),
+        beacon=Beacon(**section("beacon")),
     )
     _refuse_contradictions(configuration)
     return configuration
@@ -271,6 +307,25 @@ def _refuse_wrong_air(values: dict[str, Any], source: str) -> None:
         raise InputError(
             f"{source}: air.density = {values['air.density']!r} contradicts air.model = "
             f"{values['air.model']!r}, which sets it by altitude: remove one of them"
+        )
+
+
+def _refuse_wrong_beacon(values: dict[str, Any], source: str) -> None:
+    system = values["beacon.system_id"]
+    if system and values["beacon.topic"]:
+        raise InputError(
+            f"{source}: beacon.system_id and beacon.topic: only one of them can be the beacon"
+        )
+    if system and system == values["mavlink.system"]:
+        raise InputError(
+            f"{source}: beacon.system_id = {system}: is the tow aircraft's, mavlink.system; "
+            "must be another system"
+        )
+    topic = values["beacon.topic"]
+    if topic and not TOPIC.fullmatch(topic):
+        raise InputError(
+            f"{source}: beacon.topic = {shown(topic)}: must be the name of a topic: letters, "
+            "digits and _, in parts that / separates"
         )
 
 

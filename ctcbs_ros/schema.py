@@ -178,6 +178,35 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         meaning="rate of position messages to ask the vehicle for; 0 to ask for nothing",
     ),
     ParameterSpec(
+        key="beacon.system_id", type=int, default=0,
+        minimum=0, maximum=255,
+        meaning="MAVLink system id of the beacon that the payload carries; 0 for none",
+    ),
+    ParameterSpec(
+        key="beacon.component_id", type=int, default=0,
+        minimum=0, maximum=255,
+        meaning="its component id; 0 for the first of that system to send positions",
+    ),
+    ParameterSpec(
+        key="beacon.topic", type=str, default="",
+        meaning="topic of the payload's positions (NavSatFix); empty for none",
+    ),
+    ParameterSpec(
+        key="beacon.position_sigma", type=float, unit="m", default=2.0,
+        minimum=0.01, maximum=1000.0,
+        meaning="standard deviation of its position along one axis where it states none",
+    ),
+    ParameterSpec(
+        key="beacon.height_sigma", type=float, unit="m", default=5.0,
+        minimum=0.01, maximum=1000.0,
+        meaning="standard deviation of the difference of its height and the aircraft's",
+    ),
+    ParameterSpec(
+        key="beacon.time_sigma", type=float, unit="s", default=0.1,
+        minimum=0.0, maximum=10.0,
+        meaning="standard deviation of its time by the aircraft's clock, beyond what shows",
+    ),
+    ParameterSpec(
         key="replay.rate", type=float, default=0.0,
         minimum=0.0, maximum=1000.0,
         meaning="speed of a log over its own clock; 0 for as fast as it goes",

@@ -5,6 +5,7 @@ write_tlog("flight.tlog", flight, latitude=47.4, longitude=8.5, position_noise=1
 """
 
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import degrees, pi, radians
 from pathlib import Path
@@ -17,16 +18,47 @@ from ctcbs_ros.errors import InputError
 from ctcbs_ros.files import atomic_file
 from ctcbs_ros.geodesy import Datum, to_geodetic
 from ctcbs_ros.simulated_flight import SimulatedFlight, simulate_flight
+from ctcbs_ros.simulated_payload import SimulatedPayload, simulate_payload
 
-__all__ = ["SimulatedFlight", "simulate_flight", "write_tlog"]
+__all__ = [
+    "SimulatedBeacon", "SimulatedFlight", "SimulatedPayload", "simulate_flight",
+    "simulate_payload", "write_tlog",
+]  # fmt: skip
 
 # Nothing in the file depends on when it was made: the flight begins 2026-01-01 12:00 UTC, a minute
 # after the autopilot's start.
 EPOCH_US = 1_767_268_800_000_000
 BOOT_MS = 60_000
 LINK_DELAY_US = 40_000
+# A beacon is switched on well before, and is another radio's.
+BEACON_BOOT_MS = 11_000_000
+BEACON_DELAY_US = 60_000
 # Accuracies that the receiver states at least [m], [m/s]: no real one claims none.
 LEAST_POSITION_ACCURACY, LEAST_SPEED_ACCURACY = 0.1, 0.05
+
+
+@dataclass(frozen=True)
+class SimulatedBeacon:
+    """The beacon of a simulated payload, a MAVLink system of its own.
+
+    Attributes
+    ----------
+    payload : SimulatedPayload
+    system : int
+        Its MAVLink system id, other than the aircraft's 1.
+    offset : (float, float, float)
+        By which its positions are wrong: east, north, up [m].
+    noise : float
+        Standard deviation of the white noise on each axis of its positions [m].
+    tells_unix_time : bool
+        Whether it sends SYSTEM_TIME.
+    """
+
+    payload: SimulatedPayload
+    system: int
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    noise: float = 0.0
+    tells_unix_time: bool = True
 
 
 def write_tlog(
@@ -41,11 +73,13 @@ def write_tlog(
     velocity_noise: float = 0.0,
     gap: tuple[float, float] | None = None,
     seed: int = 0,
+    beacon: SimulatedBeacon | None = None,
 ) -> int:
     """Write a flight as MAVLink 2 with receive stamps; the same arguments give the same bytes.
 
     At each sample GPS_RAW_INT, ATTITUDE and GLOBAL_POSITION_INT; once a second HEARTBEAT (fixed
-    wing, system 1, component 1), SYSTEM_TIME, VFR_HUD and, where there is wind, WIND.
+    wing, system 1, component 1), SYSTEM_TIME, VFR_HUD and, where there is wind, WIND. A beacon
+    sends its GPS_RAW_INT and GLOBAL_POSITION_INT, HEARTBEAT and SYSTEM_TIME by its own clock.
 
     Parameters
     ----------
@@ -64,11 +98,12 @@ def write_tlog(
         Start, in seconds from the first sample, and duration [s] of a loss of everything.
     seed : int
         Of the noise.
+    beacon : SimulatedBeacon, optional
 
     Returns
     -------
     int
-        Position messages written.
+        Position messages of the aircraft written.
 
     Raises
     ------
@@ -93,11 +128,18 @@ def write_tlog(
         horizontal_accuracy=max(position_noise, LEAST_POSITION_ACCURACY),
         speed_accuracy=max(velocity_noise, LEAST_SPEED_ACCURACY),
     )  # fmt: skip
-    received = (flight.time < gap_start) | (flight.time >= gap_start + gap_duration)
 
+    def received(time):
+        return np.flatnonzero((time < gap_start) | (time >= gap_start + gap_duration))
+
+    samples = received(flight.time)
+    sent = list(_of_aircraft(flight, measured, samples))
+    if beacon is not None:
+        sent += _of_beacon(beacon, home, home_altitude, geoid_height, received, seed)
+        sent.sort(key=lambda one: one[0])
     with atomic_file(path, "wb") as log:
-        _write(log, flight, measured, np.flatnonzero(received))
-    return int(received.sum())
+        _write(log, sent)
+    return len(samples)
 
 
 @dataclass(frozen=True)
@@ -125,20 +167,86 @@ class _StampedFile:
         self._log.write(struct.pack(">Q", self.stamp_us) + frame)
 
 
-def _write(log: BinaryIO, flight: SimulatedFlight, measured: _Measured, samples) -> None:
+# When a message is received [us], the system that sent it, and the message.
+_Sent = tuple[int, int, dialect.MAVLink_message]
+
+
+def _write(log: BinaryIO, sent: list[_Sent]) -> None:
     stamped = _StampedFile(log)
-    autopilot = dialect.MAVLink(stamped, srcSystem=1, srcComponent=1)
+    senders = {
+        system: dialect.MAVLink(stamped, srcSystem=system, srcComponent=1)
+        for system in {system for _, system, _ in sent}
+    }
+    for stamp_us, system, message in sent:
+        stamped.stamp_us = stamp_us
+        senders[system].send(message)
+
+
+def _of_aircraft(flight: SimulatedFlight, measured: _Measured, samples) -> Iterator[_Sent]:
     second = None
     for i in samples:
         time_ms = round(flight.time[i] * 1000)
-        stamped.stamp_us = EPOCH_US + time_ms * 1000 + LINK_DELAY_US
         messages = []
         if time_ms // 1000 != second:
             second = time_ms // 1000
             messages += _each_second(flight, measured, i, time_ms)
         messages += _each_sample(flight, measured, i, time_ms)
         for message in messages:
-            autopilot.send(message)
+            yield EPOCH_US + time_ms * 1000 + LINK_DELAY_US, 1, message
+
+
+def _of_beacon(
+    beacon: SimulatedBeacon, home: Datum, home_altitude: float, geoid_height: float, received,
+    seed: int,
+) -> Iterator[_Sent]:  # fmt: skip
+    if not 2 <= beacon.system <= 255:
+        raise InputError(f"beacon {beacon.system}: must be a system id from 2 to 255; 1 flies")
+    _refuse("beacon noise", beacon.noise, 0.0, 1e3)
+    for off in beacon.offset:
+        _refuse("beacon offset", off, -1e5, 1e5)
+    payload, random = beacon.payload, np.random.default_rng([seed, beacon.system])
+    noise = random.normal(0.0, beacon.noise, payload.position.shape)
+    position = payload.position + beacon.offset + noise
+    latitude, longitude, altitude = to_geodetic(home, *position.T)
+    accuracy = max(beacon.noise, LEAST_POSITION_ACCURACY)
+    second = None
+    for i in received(payload.time):
+        time_ms = round(payload.time[i] * 1000)
+        unix_us, boot_ms = EPOCH_US + time_ms * 1000, BEACON_BOOT_MS + time_ms
+        east, north, up = payload.velocity[i]
+        where = {
+            "lat": round(latitude[i] * 1e7),
+            "lon": round(longitude[i] * 1e7),
+            "alt": round((altitude[i] - geoid_height) * 1000),
+        }
+        messages = []
+        if time_ms // 1000 != second:
+            second = time_ms // 1000
+            messages.append(
+                dialect.MAVLink_heartbeat_message(
+                    dialect.MAV_TYPE_GENERIC, dialect.MAV_AUTOPILOT_INVALID, 0, 0,
+                    dialect.MAV_STATE_ACTIVE, 3,
+                )
+            )  # fmt: skip
+            if beacon.tells_unix_time:
+                messages.append(dialect.MAVLink_system_time_message(unix_us, boot_ms))
+        messages += [
+            dialect.MAVLink_gps_raw_int_message(
+                time_usec=boot_ms * 1000, fix_type=dialect.GPS_FIX_TYPE_3D_FIX, **where,
+                eph=80, epv=120, vel=round(np.hypot(east, north) * 100),
+                cog=round(_compass(np.arctan2(north, east)) * 100) % 36000,
+                satellites_visible=14, alt_ellipsoid=round(altitude[i] * 1000),
+                h_acc=round(accuracy * 1000), v_acc=round(accuracy * 1500),
+                vel_acc=round(LEAST_SPEED_ACCURACY * 1000),
+            ),
+            dialect.MAVLink_global_position_int_message(
+                time_boot_ms=boot_ms, **where,
+                relative_alt=where["alt"] - round(home_altitude * 1000),
+                vx=round(north * 100), vy=round(east * 100), vz=round(-up * 100), hdg=65535,
+            ),
+        ]  # fmt: skip
+        for message in messages:
+            yield unix_us + BEACON_DELAY_US, beacon.system, message
 
 
 def _each_second(flight: SimulatedFlight, measured: _Measured, i: int, time_ms: int) -> list:

@@ -27,7 +27,7 @@ EDGES = (
     "replay/through_node.py", "bench/peer_mavlink.py", "bench/peer_node.py",
     "telemetry/ulog", "telemetry/rosbag", "telemetry/dataflash_text.py",
     "telemetry/mavlink_fields.py", "telemetry/vehicle_choice.py", "telemetry/vehicle_messages.py",
-    "telemetry/own_messages.py",
+    "telemetry/own_messages.py", "telemetry/beacon_messages.py",
 )
 # ... with the libraries that read their logs ...
 LOG_READERS = ("pyulog", "rosbags")
@@ -45,7 +45,8 @@ BELOW = {
     "figures": {"kernels", "solver"},
     "design": {"kernels", "solver"},
     "prediction": {"kernels", "solver", "orbit", "table", "telemetry"},
-    "replay": {"kernels", "solver", "orbit", "table", "telemetry", "prediction"},
+    "beacon": {"telemetry", "orbit", "prediction"},
+    "replay": {"kernels", "solver", "orbit", "table", "telemetry", "prediction", "beacon"},
     "validation": {"kernels", "solver", "dynamics", "periodic", "bench"},
 }
 

@@ -8,6 +8,7 @@ from ctcbs_ros.errors import InputError
 
 CENTER = "47.4,8.5"
 HEIGHT_ABOVE_CABLE = 100.0  # m
+BEACON_LATE = 0.07  # s by which its first sample is later than the aircraft's
 
 
 def add_parser(subparsers) -> None:
@@ -34,6 +35,13 @@ def add_parser(subparsers) -> None:
     add("--velocity-noise", type=float, default=0.0, metavar="M/S", help="the same [m/s]")
     add("--gap", metavar="START,DURATION", help="loss of the link [s]")
     add("--radius-change", metavar="RADIUS,AFTER_TURNS", help="spiral to another radius [m]")
+    add(
+        "--beacon", type=int, metavar="SYSTEM",
+        help="a beacon on the payload, a MAVLink system of its own: where the cable in time, "
+        "towed along the flight, has the end mass",
+    )
+    add("--beacon-offset", metavar="E,N,U", help="by which its positions are wrong [m]")
+    add("--beacon-noise", type=float, metavar="M", help="standard deviation of them [m]")
     add("--seed", type=int, default=0, metavar="N", help="of the noise, default 0")
     add("-o", "--output", required=True, metavar="FILE", help="log to write (.tlog)")
     parser.set_defaults(run=run)
@@ -65,16 +73,43 @@ def run(args) -> int:
         sense=1 if args.sense == "ccw" else -1,
         height=height, rate=args.rate, wind=wind, radius_change=change,
     )  # fmt: skip
+    beacon = _beacon(args, configuration, flight)
     radii = [args.radius] + ([change[0]] if change else [])
     _note_outside(configuration, "radius", "m", radii)
     _note_outside(configuration, "speed", "m/s", [args.speed])
     samples = write_tlog(
         args.output, flight, latitude=latitude, longitude=longitude,
         position_noise=args.position_noise, velocity_noise=args.velocity_noise,
-        gap=gap, seed=args.seed,
+        gap=gap, seed=args.seed, beacon=beacon,
     )  # fmt: skip
     print(f"{args.output}: {samples} positions in {flight.time[-1]:.0f} s", file=sys.stderr)
     return 0
+
+
+def _beacon(args, configuration, flight):
+    """The payload's beacon; None without --beacon."""
+    from ctcbs_ros.simulate import SimulatedBeacon, simulate_payload
+
+    if args.beacon is None:
+        for option in ("--beacon-offset", "--beacon-noise"):
+            if getattr(args, option[2:].replace("-", "_")) is not None:
+                raise InputError(f"{option}: only with --beacon")
+        return None
+    offset = (0.0, 0.0, 0.0)
+    if args.beacon_offset is not None:
+        offset = _numbers("--beacon-offset", args.beacon_offset, "E,N,U", 3)
+    payload = simulate_payload(configuration, flight, late=BEACON_LATE)
+    return SimulatedBeacon(payload, args.beacon, offset, args.beacon_noise or 0.0)
+
+
+def _numbers(option: str, text: str, form: str, count: int) -> tuple[float, ...]:
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != count:
+        raise InputError(f"{option} {text}: must be {count} numbers, {form}")
+    return numbers
 
 
 def _pair(option: str, text: str, form: str) -> tuple[float, float]:

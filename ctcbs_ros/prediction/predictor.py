@@ -84,6 +84,11 @@ class Predictor:
         """Origin of the local frame; None before the first believed geodetic position."""
         return self._frame.datum
 
+    @property
+    def frame(self) -> LocalFrame:
+        """The local frame, for placing others in it; not to be changed."""
+        return self._frame
+
     def to_geodetic(self, positions: np.ndarray) -> np.ndarray:
         """Latitude, longitude [deg], altitude [m] of local positions, (n, 3); nan without datum.
 

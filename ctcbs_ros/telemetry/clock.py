@@ -28,6 +28,9 @@ class VehicleClock:
         Rises by one at each reboot, and at each step ahead that the receive stamps do not support.
     unix_anchor : (int, int) or None
         As the parameter, or the first that `set_unix` was told.
+    told_unix_offset_us : int or None
+        Unix time less continuous time as told last in the present flight: for comparing clocks,
+        where the offset of the stamps must not change.
 
     Parameters
     ----------
@@ -47,6 +50,7 @@ class VehicleClock:
     ):
         self.flight = 0
         self.unix_anchor = unix_anchor
+        self.told_unix_offset_us: int | None = None
         self._wrap_us = wrap_us
         self._time_steps = Counter() if time_steps is None else time_steps
         self._boot_us: int | None = None  # the counter at the newest message
@@ -98,15 +102,16 @@ class VehicleClock:
             self._time_steps[event] += 1
         if event in ("reboot", "jump"):
             self.flight += 1
-            self._unix_offset_us = None
+            self._unix_offset_us = self.told_unix_offset_us = None
             step = max(elapsed or 0, LEAST_STEP_US)
         self._newest(boot_us, self._time_us + step, receive_us)
         return self._time_us
 
     def set_unix(self, time_us: int, unix_us: int) -> None:
-        """Tie the flight to Unix time; without effect once tied, or outside 2000 to 2038."""
+        """Tie the flight's stamps to Unix time, once; without effect outside 2000 to 2038."""
         if not is_unix(unix_us):
             return
+        self.told_unix_offset_us = unix_us - time_us
         self.unix_anchor = self.unix_anchor or (time_us, unix_us)
         if self._unix_offset_us is None:
             self._unix_offset_us = unix_us - time_us

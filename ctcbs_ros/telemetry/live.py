@@ -5,6 +5,7 @@ import threading
 import time
 from collections import deque
 
+from ctcbs_ros.telemetry.beacon import BeaconSample
 from ctcbs_ros.telemetry.lateness import Lateness
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.sample import Sample, Vector
@@ -44,7 +45,7 @@ class LiveSource:
         self._transport = transport
         self._own = own
         self._decoder = decoder
-        self._samples: deque[Sample] = deque(maxlen=capacity)
+        self._samples: deque[Sample | BeaconSample] = deque(maxlen=capacity)
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._lateness = Lateness()
@@ -63,6 +64,16 @@ class LiveSource:
     def vehicle(self) -> Vehicle | None:
         """The vehicle followed, once it is known."""
         return self._decoder.vehicle
+
+    @property
+    def beacon(self) -> Vehicle | None:
+        """The payload's beacon, once it is heard."""
+        return self._decoder.beacon
+
+    @property
+    def beacon_link(self) -> LinkStatistics | None:
+        """Counts of the beacon's messages alone; None without one."""
+        return self._decoder.beacon_link
 
     @property
     def wind(self) -> Vector | None:
@@ -107,12 +118,12 @@ class LiveSource:
             return f"up, but system {vehicle.system}, component {vehicle.component} is silent"
         return f"up: system {vehicle.system}, component {vehicle.component}, {vehicle.type}"
 
-    def take(self) -> Sample | None:
+    def take(self) -> Sample | BeaconSample | None:
         """The oldest sample not taken yet; None where there is none."""
         with self._lock:
             return self._samples.popleft() if self._samples else None
 
-    def poll(self) -> list[Sample]:
+    def poll(self) -> list[Sample | BeaconSample]:
         """Samples that came since the last call, oldest first; returns at once."""
         with self._lock:
             samples = list(self._samples)
@@ -143,7 +154,8 @@ class LiveSource:
 
     def _decode(self, data: bytes) -> None:
         for sample in self._decoder.feed(data, time.time_ns() // 1000):
-            self._lateness.add(sample, self.last_received)
+            if isinstance(sample, Sample):
+                self._lateness.add(sample, self.last_received)
             with self._lock:
                 self.dropped += len(self._samples) == self._samples.maxlen
                 self._samples.append(sample)

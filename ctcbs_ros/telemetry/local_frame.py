@@ -90,6 +90,16 @@ class LocalFrame:
             amsl = sample.altitude_ellipsoid
         return LocalSample(position, amsl, self._home_up)
 
+    def place(self, sample: Sample) -> np.ndarray | None:
+        """East, north, up of another's sample [m], which tells the frame nothing.
+
+        None without a geodetic position, before the frame has an origin, or where no height of the
+        frame's kind is known; the geoid's height is that which the frame's own samples told.
+        """
+        if self._origin is None or not isfinite(sample.latitude):
+            return None
+        return self._from_geodetic(sample)
+
     def _from_geodetic(self, sample: Sample) -> np.ndarray | None:
         if self._origin is None:
             ellipsoidal = not isfinite(sample.altitude_amsl)

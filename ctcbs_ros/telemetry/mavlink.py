@@ -1,13 +1,16 @@
 """A stream of MAVLink bytes to samples, of a log or of a live link.
 
 Bytes become frames (frames.py), a frame a message (pymavlink), and the messages of the one vehicle
-that is followed become samples (vehicle_messages.py).
+that is followed become samples (vehicle_messages.py), beside those of a beacon where there is one
+(beacon_messages.py).
 """
 
 from collections.abc import Callable, Iterator
 
 from pymavlink.dialects.v20 import all as dialect
 
+from ctcbs_ros.telemetry.beacon import BeaconSample, BeaconWanted
+from ctcbs_ros.telemetry.beacon_messages import BeaconDecoder
 from ctcbs_ros.telemetry.frames import FrameSplitter
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.live import LiveSource
@@ -28,6 +31,8 @@ class MavlinkDecoder:
         As for `VehicleDecoder`.
     hear : callable, optional
         Called with each message of the vehicle followed.
+    beacon : BeaconWanted, optional
+        The system whose positions are the payload's.
     """
 
     def __init__(
@@ -37,8 +42,10 @@ class MavlinkDecoder:
         component: int | None = None,
         vehicle: Vehicle | None = None,
         hear: Callable | None = None,
+        beacon: BeaconWanted | None = None,
     ):
         self.link = LinkStatistics()
+        self._beacon = None if beacon is None else BeaconDecoder(beacon)
         self._messages = VehicleDecoder(system, component, vehicle, self.link)
         self._hear = hear
         self._frames = FrameSplitter(frame_decoder(), stamped, self.link)
@@ -47,6 +54,16 @@ class MavlinkDecoder:
     def vehicle(self) -> Vehicle | None:
         """The vehicle followed."""
         return self._messages.vehicle
+
+    @property
+    def beacon(self) -> Vehicle | None:
+        """The beacon, once heard."""
+        return None if self._beacon is None else self._beacon.vehicle
+
+    @property
+    def beacon_link(self) -> LinkStatistics | None:
+        """Counts of the beacon's messages alone; None without one."""
+        return None if self._beacon is None else self._beacon.link
 
     @property
     def wind(self) -> Vector | None:
@@ -59,16 +76,24 @@ class MavlinkDecoder:
 
     def feed(
         self, data: bytes, receive_us: int | None = None, last: bool = False
-    ) -> Iterator[Sample]:
+    ) -> Iterator[Sample | BeaconSample]:
         """Samples completed by more bytes, as they are decoded.
 
         `receive_us` is when unstamped bytes were received; with `last` no more will follow.
         """
         for stamp_us, message in self._frames.split(data, last):
-            sample = self._messages.decode(message, receive_us if stamp_us is None else stamp_us)
+            received = receive_us if stamp_us is None else stamp_us
+            if self._beacon is not None and self._beacon.sends(message):
+                measured = self._beacon.decode(message, received)
+                if measured is not None:
+                    yield measured
+                continue
+            sample = self._messages.decode(message, received)
             if self._hear is not None and self._messages.follows(message):
                 self._hear(message)
             if sample is not None:
+                if self._beacon is not None:
+                    self._beacon.hear_aircraft(sample, received, self._messages.unix_offset)
                 yield sample
 
 
@@ -92,6 +117,7 @@ def open_link(
     component: int | None = None,
     heartbeat: bool = False,
     request_rate: float = 0.0,
+    beacon: BeaconWanted | None = None,
 ) -> LiveSource:
     """Open a live MAVLink link.
 
@@ -109,6 +135,8 @@ def open_link(
         Whether to send a heartbeat each second on any link.
     request_rate : float
         Rate of position messages to ask the vehicle for [1/s]; 0 to ask for nothing.
+    beacon : BeaconWanted, optional
+        A second system on the link, whose positions are the payload's; nothing is asked of it.
 
     Raises
     ------
@@ -117,4 +145,5 @@ def open_link(
     """
     own = OwnMessages(heartbeat or url.startswith("udpout:"), request_rate)
     transport = open_transport(url, baud)
-    return LiveSource(transport, MavlinkDecoder(False, system, component, hear=own.hear), own)
+    decoder = MavlinkDecoder(False, system, component, hear=own.hear, beacon=beacon)
+    return LiveSource(transport, decoder, own)

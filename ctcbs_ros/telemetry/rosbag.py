@@ -12,6 +12,7 @@ from pathlib import Path
 from rosbags.typesys import Stores, get_typestore
 
 from ctcbs_ros.errors import InputError
+from ctcbs_ros.telemetry.beacon import STAMPS, BeaconSample, CommonTime, stamp_offset
 from ctcbs_ros.telemetry.clock import VehicleClock
 from ctcbs_ros.telemetry.link import LinkStatistics
 from ctcbs_ros.telemetry.rosbag_storage import Raw, Storage, file_class, open_storages
@@ -58,6 +59,8 @@ ROLES = (
     ),
 )
 
+BEACON = Role("sensor_msgs/msg/NavSatFix", (), "fix", False)
+
 
 class BagSource:
     """A bag: iterate over it for its samples, from the start each time.
@@ -68,7 +71,7 @@ class BagSource:
     storages : list
         Its files in order.
     used : dict
-        Role of each topic used, by name.
+        Role of each topic used, by name; `BEACON` for that of the beacon.
 
     Attributes
     ----------
@@ -79,13 +82,17 @@ class BagSource:
         Counts over what has been read.
     vehicle : None
         A bag does not name its vehicle.
+    beacon : None
+        Nor its beacon.
+    beacon_link : LinkStatistics or None
+        Counts of the beacon's messages; None without one.
     progress : float
         Part of the bag that has been read, 0 to 1.
     is_empty : bool
         Whether there is not one sample in it.
     """
 
-    vehicle = None
+    vehicle = beacon = None
 
     def __init__(self, path: Path, storages: list[Storage], used: dict[str, Role]):
         self.path = path
@@ -95,7 +102,8 @@ class BagSource:
         self._types = get_typestore(Stores.ROS2_JAZZY)
         # What kinds of position there are shows soon; the best is then used from the start.
         self._best = POSE
-        self.is_empty = not list(islice(self, HEAD_SAMPLES))
+        head = list(islice(self, HEAD_SAMPLES))
+        self.is_empty = not any(isinstance(sample, Sample) for sample in head)
         self._best = self._samples.best
         self._begin()
 
@@ -108,8 +116,12 @@ class BagSource:
         self.link = LinkStatistics()
         self.progress = 0.0
         self._samples = TopicSamples(VehicleClock(time_steps=self.link.time_steps), self._best)
+        self.beacon_link = LinkStatistics() if BEACON in self._used.values() else None
+        if self.beacon_link is not None:
+            clock = VehicleClock(time_steps=self.beacon_link.time_steps)
+            self._of_beacon, self._time = TopicSamples(clock), CommonTime(STAMPS)
 
-    def __iter__(self) -> Iterator[Sample]:
+    def __iter__(self) -> Iterator[Sample | BeaconSample]:
         self._begin()
         before = 0
         for storage in self._storages:
@@ -126,14 +138,21 @@ class BagSource:
             before += storage.size
         self.progress = 1.0
 
-    def _taken(self, role: Role, raw: Raw) -> Sample | None:
+    def _taken(self, role: Role, raw: Raw) -> Sample | BeaconSample | None:
         try:
             message = self._types.deserialize_cdr(raw.data, role.type)
         except Exception:  # whatever damaged bytes lead to
             self.link.count_bad_bytes(len(raw.data))
             return None
         self.link.count_message()
-        return getattr(self._samples, role.handler)(message, raw.receive_ns // 1000)
+        receive_us = raw.receive_ns // 1000
+        if role is BEACON:
+            sample = self._of_beacon.fix(message, receive_us)
+            return self._time.tie(sample, receive_us / 1e6, stamp_offset(sample))
+        sample = getattr(self._samples, role.handler)(message, receive_us)
+        if sample is not None and self.beacon_link is not None:
+            self._time.hear_aircraft(sample, receive_us / 1e6, stamp_offset(sample))
+        return sample
 
 
 def is_bag(path: Path) -> bool:
@@ -141,10 +160,11 @@ def is_bag(path: Path) -> bool:
     return path.is_dir() or file_class(path) is not None
 
 
-def open_bag(path: Path) -> BagSource:
+def open_bag(path: Path, beacon: str = "") -> BagSource:
     """Open a rosbag2 folder, or a file of one.
 
-    Topics are taken by their mavros names (`ROLES`), else the only one of its type.
+    Topics are taken by their mavros names (`ROLES`), else the only one of its type; that of the
+    beacon (a NavSatFix), where one is given, is never the aircraft's.
 
     Raises
     ------
@@ -156,8 +176,9 @@ def open_bag(path: Path) -> BagSource:
         raise InputError(f"log {path}: no rosbag2 file (.db3 or .mcap) in it that can be read")
     topics = {topic for storage in storages for topic in storage.topics}
     used: dict[str, Role] = {}
+    beacon = f"/{beacon.lstrip('/')}" if beacon else ""
     for role in ROLES:
-        name = _chosen(role, {topic.name for topic in topics if topic.type == role.type})
+        name = _chosen(role, {t.name for t in topics if t.type == role.type and t.name != beacon})
         if name is not None:
             used[name] = role
     if not any(role.gives_position for role in used.values()):
@@ -167,6 +188,14 @@ def open_bag(path: Path) -> BagSource:
             f"PoseStamped, by its mavros name or the only one of its type; found: "
             f"{found or 'none'}"
         )
+    if beacon:
+        fixes = sorted(topic.name for topic in topics if topic.type == BEACON.type)
+        if beacon not in fixes:
+            raise InputError(
+                f"log {path}: beacon.topic: no NavSatFix {beacon} in it; it has: "
+                f"{', '.join(fixes[:10]) or 'none'}"
+            )
+        used[beacon] = BEACON
     source = BagSource(path, storages, used)
     if source.is_empty:
         raise InputError(f"log {path}: no message of {', '.join(used)} that can be read")

@@ -8,7 +8,7 @@ and if it was wrong nevertheless, the samples that go on at the time before.
 """
 
 from dataclasses import replace
-from math import hypot, isfinite, isnan
+from math import hypot, inf, isfinite, isnan
 
 from ctcbs_ros.geodesy import Datum, to_enu
 from ctcbs_ros.telemetry.clock import LATE_US
@@ -51,9 +51,19 @@ FROZEN_DISTANCE = 1.0  # m that the velocity led away meanwhile; positions are s
 
 
 class Screen:
-    """Judges the samples of one source in their order; a new flight is judged afresh."""
+    """Judges the samples of one source in their order; a new flight is judged afresh.
 
-    def __init__(self):
+    Parameters
+    ----------
+    moving : float
+        Speed from which a position that stands still contradicts it [m/s].
+    longest_still : float
+        Time for which the very same position is believed of what does not say how fast it moves,
+        or that it stands [s].
+    """
+
+    def __init__(self, moving: float = MOVING, longest_still: float = inf):
+        self._moving, self._longest_still = moving, longest_still
         self._begin(None)
 
     def check(self, sample: Sample) -> SkipCode | None:
@@ -127,10 +137,15 @@ class Screen:
             self._still_since, self._still_samples = sample, 1
             return False
         self._still_samples += 1
-        if sample.velocity is None or self._still_samples < FROZEN_SAMPLES:
+        if self._still_samples < FROZEN_SAMPLES:
+            return False
+        still = sample.time - since.time
+        if still > self._longest_still:
+            return True
+        if sample.velocity is None:
             return False
         speed = hypot(sample.velocity[0], sample.velocity[1])
-        return speed > MOVING and speed * (sample.time - since.time) > FROZEN_DISTANCE
+        return speed > self._moving and speed * still > FROZEN_DISTANCE
 
 
 class _Candidate:

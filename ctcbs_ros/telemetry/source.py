@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from ctcbs_ros.errors import InputError
+from ctcbs_ros.telemetry.beacon import BeaconSample, BeaconWanted
 from ctcbs_ros.telemetry.dataflash import START as DATAFLASH_START
 from ctcbs_ros.telemetry.dataflash import DataflashDecoder
 from ctcbs_ros.telemetry.dataflash_text import START as DATAFLASH_TEXT_START
@@ -23,6 +24,7 @@ HEAD = 1 << 20
 SHORT_HEAD = 1 << 14
 # Bytes in which a log as text declares its first format.
 TEXT_HEAD = 1 << 12
+MAVLINK = "a MAVLink log"
 # Random bytes hold a frame with a right checksum now and then; of a log, this part is messages.
 LEAST_GOOD_PART = 1e-3
 
@@ -52,7 +54,7 @@ class LogSource:
         self._decoder = new_decoder()
         self._read = 0
 
-    def __iter__(self) -> Iterator[Sample]:
+    def __iter__(self) -> Iterator[Sample | BeaconSample]:
         self._decoder = self._new_decoder()
         self._read = 0
         with open(self.path, "rb") as log:
@@ -77,13 +79,26 @@ class LogSource:
         return self._decoder.vehicle
 
     @property
+    def beacon(self) -> Vehicle | None:
+        """The payload's beacon, once it is heard."""
+        return getattr(self._decoder, "beacon", None)
+
+    @property
+    def beacon_link(self) -> LinkStatistics | None:
+        """Counts of the beacon's messages alone; None without one."""
+        return getattr(self._decoder, "beacon_link", None)
+
+    @property
     def wind(self) -> Vector | None:
         """Wind by the autopilot at the newest sample, velocity towards east, north, up [m/s]."""
         return self._decoder.wind
 
 
 def open_log(
-    path: str | Path, system: int | None = None, component: int | None = None
+    path: str | Path,
+    system: int | None = None,
+    component: int | None = None,
+    beacon: BeaconWanted | None = None,
 ) -> LogSource | BagSource:
     """Open a flight log.
 
@@ -95,6 +110,8 @@ def open_log(
     system, component : int, optional
         MAVLink ids of the vehicle wanted; without them the first aircraft, see
         `ctcbs_ros.telemetry.mavlink.VehicleDecoder`. The other logs have one vehicle only.
+    beacon : BeaconWanted, optional
+        Whose positions are the payload's; they come among the aircraft's as `BeaconSample`.
 
     Returns
     -------
@@ -103,11 +120,13 @@ def open_log(
     Raises
     ------
     InputError
-        If the file cannot be read, or has no message of these formats in its first MiB.
+        If the file cannot be read, has no message of these formats in its first MiB, or cannot
+        have the beacon asked for.
     """
     path = Path(path)
     if is_bag(path):
-        return open_bag(path)
+        _require_beacon(path, beacon, "a bag", of_system=False, of_topic=True)
+        return open_bag(path, beacon.topic if beacon else "")
     try:
         with open(path, "rb") as log:
             head = log.read(HEAD)
@@ -116,6 +135,9 @@ def open_log(
     if not head:
         raise InputError(f"log {path}: the file is empty")
 
+    if beacon is not None:
+        kind = _kind(head)
+        _require_beacon(path, beacon, kind, of_system=kind == MAVLINK, of_topic=False)
     if head.startswith(DATAFLASH_START):
         trial = _tried(DataflashDecoder(), head)
         decoder = partial(DataflashDecoder, vehicle=trial.vehicle, unix_anchor=trial.unix_anchor)
@@ -126,13 +148,20 @@ def open_log(
         trial = _tried(UlogDecoder(), head)
         decoder = partial(UlogDecoder, trial.vehicle, trial.unix_anchor, trial.position_topic)
     else:
-        stamped, trial = _tried_stamps(head[:SHORT_HEAD], system, component)
+        stamped, trial = _tried_stamps(head[:SHORT_HEAD], system, component, beacon)
         if trial.vehicle is None or trial.link.bad_bytes > SHORT_HEAD // 2:
-            stamped, trial = _tried_stamps(head, system, component)
+            stamped, trial = _tried_stamps(head, system, component, beacon)
         else:
             head = head[:SHORT_HEAD]
         trial.choose_any()
-        decoder = partial(MavlinkDecoder, stamped, system, component, vehicle=trial.vehicle)
+        if trial.vehicle is None and trial.beacon is not None:
+            raise InputError(
+                f"log {path}: only system {beacon.system} sends positions, which is the beacon's "
+                "by beacon.system_id; it must not be the aircraft's"
+            )
+        decoder = partial(
+            MavlinkDecoder, stamped, system, component, vehicle=trial.vehicle, beacon=beacon
+        )
 
     good = len(head) - trial.link.bad_bytes
     if trial.link.messages == 0 or good < LEAST_GOOD_PART * len(head):
@@ -144,6 +173,29 @@ def open_log(
     return LogSource(path, decoder)
 
 
+def _kind(head: bytes) -> str:
+    """The format of a log by its first bytes, in words."""
+    if head.startswith(DATAFLASH_START) or DATAFLASH_TEXT_START.search(head[:TEXT_HEAD]):
+        return "an ArduPilot DataFlash log"
+    return "a PX4 log" if head.startswith(ULOG_START) else MAVLINK
+
+
+def _require_beacon(
+    path: Path, beacon: BeaconWanted | None, kind: str, of_system: bool, of_topic: bool
+) -> None:
+    """Refuse a beacon that a kind of log cannot have."""
+    if beacon is None:
+        return
+    if of_topic if beacon.topic else of_system:
+        return
+    instead = (
+        "use beacon.topic" if of_topic else "use beacon.system_id" if of_system else
+        "allowed: a .tlog or raw MAVLink log (beacon.system_id), a rosbag2 (beacon.topic)"
+    )  # fmt: skip
+    wanted = "beacon.topic" if beacon.topic else "beacon.system_id"
+    raise InputError(f"log {path}: {wanted}: {kind} cannot have it; {instead}")
+
+
 def _tried(decoder, head: bytes):
     """The decoder after it has read the head of a log."""
     for _ in decoder.feed(head, last=True):
@@ -152,11 +204,11 @@ def _tried(decoder, head: bytes):
 
 
 def _tried_stamps(
-    head: bytes, system: int | None, component: int | None
+    head: bytes, system: int | None, component: int | None, beacon: BeaconWanted | None
 ) -> tuple[bool, MavlinkDecoder]:
     """Whether a MAVLink log is stamped, and the decoder that has read its head."""
     trials = {
-        stamped: _tried(MavlinkDecoder(stamped, system, component), head)
+        stamped: _tried(MavlinkDecoder(stamped, system, component, beacon=beacon), head)
         for stamped in (True, False)
     }
     # Read the wrong way, a log is damaged at every stamp.

@@ -48,6 +48,8 @@ class VehicleDecoder:
     system, component, vehicle
         Whom to follow, see `VehicleChoice`.
     link : LinkStatistics, optional
+    choice : VehicleChoice, optional
+        Another way to choose whom to follow.
     """
 
     def __init__(
@@ -56,9 +58,10 @@ class VehicleDecoder:
         component: int | None = None,
         vehicle: Vehicle | None = None,
         link: LinkStatistics | None = None,
+        choice: VehicleChoice | None = None,
     ):
         self.link = link or LinkStatistics()
-        self._choice = VehicleChoice(system, component, vehicle)
+        self._choice = choice or VehicleChoice(system, component, vehicle)
         self._clock = VehicleClock(BOOT_WRAP_US, self.link.time_steps)
         self._clock_is_boot_time = True
         self._clock_flight = 0
@@ -96,6 +99,12 @@ class VehicleDecoder:
         Velocity of the air towards east, north, up [m/s].
         """
         return self._between.wind
+
+    @property
+    def unix_offset(self) -> float | None:
+        """Unix time less the samples' time, as the vehicle told last in this flight [s]."""
+        told = self._clock.told_unix_offset_us
+        return None if told is None else told / 1e6
 
     def decode(self, message, receive_us: int | None = None) -> Sample | None:
         """Take in one message of the link.

@@ -1,0 +1,256 @@
+"""The beacon's reports held against the predictions, each at the time of the report.
+
+A report waits until the aircraft has been heard after it; then the prediction's motion is
+interpolated to its time. It is screened as the aircraft's samples are, by a screen of its own.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from math import hypot, inf, isfinite
+
+import numpy as np
+
+from ctcbs_ros.beacon.comparison import STANDINGS, Comparison, Standing, Unmatched
+from ctcbs_ros.beacon.difference import Difference, difference
+from ctcbs_ros.beacon.motion import Motion, Place
+from ctcbs_ros.configuration import Beacon
+from ctcbs_ros.prediction.codes import WarningCode
+from ctcbs_ros.prediction.prediction import Prediction
+from ctcbs_ros.telemetry.beacon import BeaconSample
+from ctcbs_ros.telemetry.continuity import Continuity, Track
+from ctcbs_ros.telemetry.local_frame import LocalFrame
+from ctcbs_ros.telemetry.screen import Screen
+from ctcbs_ros.telemetry.skip_code import SkipCode
+
+# A payload hangs almost still where an aircraft never does [m/s], but not to the centimetre of its
+# receiver's digits for so long [s].
+MOVING, LONGEST_STILL = 0.3, 5.0
+# A cable stretches by less than this part before it breaks.
+STRETCH = 0.1
+# Reports that wait for the aircraft's next position.
+MOST_WAITING = 1_000
+# Accuracies stated as worse [m] are taken as this, so that squares of them stay finite.
+POOREST = 1e3
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    """A believed report, placed."""
+
+    report: BeaconSample
+    position: np.ndarray
+    sigma: float
+
+
+class BeaconComparer:
+    """Compares one beacon's reports with the predictions of one aircraft.
+
+    Parameters
+    ----------
+    beacon : Beacon
+        How sure its positions and times are.
+    frame : LocalFrame
+        The predictions' own; it is only read.
+    cable_length : float
+        Paid out [m]; `change` takes another.
+    """
+
+    def __init__(self, beacon: Beacon, frame: LocalFrame, cable_length: float):
+        self._beacon = beacon
+        self._frame = frame
+        self._cable_length = cable_length
+        self._screen = Screen(MOVING, LONGEST_STILL)
+        self._continuity = Continuity()
+        self._beacon_flight: int | None = None
+        self._flight: int | None = None
+        self._jumped_at = -inf
+        self._stamp_offset_ns = 0  # of the aircraft: stamp less time
+        self._waiting: deque[_Waiting] = deque()
+        self._tow_point = Motion()
+        self._predicted = Motion(worst=STANDINGS)
+        self._simulated = Motion(worst=STANDINGS)
+
+    def change(self, cable_length: float) -> None:
+        """Take over the cable paid out [m]."""
+        self._cable_length = cable_length
+
+    def hear(self, prediction: Prediction) -> list[Comparison]:
+        """Take in the prediction of one more of the aircraft's samples.
+
+        Returns
+        -------
+        list of Comparison
+            The reports that waited for it.
+        """
+        if prediction.skip is not None:
+            return []
+        found = []
+        time = prediction.time
+        if prediction.flight != self._flight or time < self._tow_point.newest:
+            found = self.finish()
+            self._flight, self._jumped_at = prediction.flight, -inf
+            for motion in (self._tow_point, self._predicted, self._simulated):
+                motion.clear()
+        self._stamp_offset_ns = prediction.stamp_ns - round(time * 1e9)
+        self._tow_point.add(time, self._tow_place(prediction))
+        if any(warning.code is WarningCode.JUMPED for warning in prediction.warnings):
+            self._jumped_at = time
+        self._predicted.add(time, place_of(prediction, time - self._jumped_at))
+        return found + self._compare_waiting()
+
+    def hear_simulated(
+        self, time: float, position: np.ndarray, velocity: np.ndarray, covariance: np.ndarray,
+        settled: bool = True,
+    ) -> None:
+        """Take in where a simulation has the end mass, before `hear` of the same time.
+
+        Parameters
+        ----------
+        time : float
+            Aircraft's clock [s].
+        position, velocity : (3,) ndarrays
+            East, north, up [m], [m/s].
+        covariance : (3, 3) ndarray
+            [m^2]
+        settled : bool
+            Whether nothing is left in it of an unknown start.
+        """
+        standing = Standing.SETTLED if settled else Standing.SETTLING
+        place = Place(time, position, velocity, covariance, standing.value)
+        self._simulated.add(time, place)
+
+    def add(self, report: BeaconSample) -> list[Comparison]:
+        """Take in one report.
+
+        Returns
+        -------
+        list of Comparison
+            Those that need not wait, this one among them or not.
+        """
+        sample = report.sample
+        skip = self._screen.check(sample)
+        if skip is not None:
+            return [self._outcome(report, skip)]
+        if sample.flight != self._beacon_flight:
+            self._beacon_flight = sample.flight
+            self._continuity.reset()
+        position = self._frame.place(sample)
+        if position is None:
+            return [self._outcome(report, Unmatched.NO_COMMON_HEIGHT)]
+        if self._continuity.check(sample, position) is Track.STRAYS:
+            return [self._outcome(report, SkipCode.JUMP)]
+        if not isfinite(report.time):
+            return [self._outcome(report, Unmatched.NO_COMMON_TIME, position)]
+        stated = sample.horizontal_accuracy
+        sigma = min(stated, POOREST) if stated > 0.0 else self._beacon.position_sigma
+        waiting = _Waiting(report, position, sigma)
+        if not self._waits(waiting):
+            return [self._compared(waiting)]
+        self._waiting.append(waiting)
+        if len(self._waiting) <= MOST_WAITING:
+            return []
+        longest = self._waiting.popleft()
+        return [self._outcome(longest.report, Unmatched.NO_AIRCRAFT, longest.position)]
+
+    def finish(self) -> list[Comparison]:
+        """The reports that still wait, for an aircraft that will not be heard any more."""
+        found = [
+            self._outcome(waiting.report, Unmatched.NO_AIRCRAFT, waiting.position)
+            for waiting in self._waiting
+        ]
+        self._waiting.clear()
+        return found
+
+    def _compare_waiting(self) -> list[Comparison]:
+        due = [waiting for waiting in self._waiting if not self._waits(waiting)]
+        if due:
+            self._waiting = deque(filter(self._waits, self._waiting))
+        return [self._compared(waiting) for waiting in due]
+
+    def _waits(self, waiting: _Waiting) -> bool:
+        report = waiting.report
+        return report.flight == self._flight and report.time > self._tow_point.newest
+
+    def _tow_place(self, prediction: Prediction) -> Place:
+        """The tow point, as fast as it came there."""
+        time, before = prediction.time, self._tow_point.at(self._tow_point.newest)
+        velocity = np.zeros(3)
+        if before is not None:
+            velocity = (prediction.tow_point - before.position) / max(time - before.time, 1e-3)
+        return Place(time, prediction.tow_point, velocity, np.zeros((3, 3)))
+
+    def _compared(self, waiting: _Waiting) -> Comparison:
+        report, position = waiting.report, waiting.position
+        time = report.time
+        if self._tow_point.is_before(time):
+            return self._outcome(report, Unmatched.LATE, position)
+        tow_point = self._tow_point.at(time)
+        if tow_point is None or report.flight != self._flight:
+            return self._outcome(report, Unmatched.NO_AIRCRAFT, position)
+        time_sigma = hypot(report.time_sigma, self._beacon.time_sigma)
+        uncertain = np.diag([waiting.sigma**2, waiting.sigma**2, self._beacon.height_sigma**2])
+        if self._is_out_of_reach(position, tow_point, uncertain, time_sigma):
+            return self._outcome(report, Unmatched.OUT_OF_REACH, position)
+
+        def against(place: Place) -> Difference:
+            # What the beacon moves within the error of its time looks like an error of its place.
+            spread = time_sigma**2 * np.outer(place.velocity, place.velocity)
+            covariance = place.covariance + uncertain + spread
+            return difference(position, place.position, covariance)
+
+        predicted, simulated = self._predicted.at(time), self._simulated.at(time)
+        of_simulated = None
+        if simulated is not None and simulated.standing == Standing.SETTLED.value:
+            of_simulated = against(simulated)
+        if predicted is None:
+            return self._outcome(
+                report, Unmatched.NO_PREDICTION, position, simulated=of_simulated
+            )
+        return self._outcome(
+            report, Standing(predicted.standing), position, against(predicted), of_simulated
+        )
+
+    def _outcome(
+        self, report: BeaconSample, outcome, measured=None, predicted=None, simulated=None
+    ) -> Comparison:
+        stamp_ns = report.sample.stamp_ns
+        if report.flight == self._flight and isfinite(report.time):
+            stamp_ns = self._stamp_offset_ns + round(report.time * 1e9)
+        return Comparison(
+            stamp_ns, report.time, report.flight, report.time_by, report.time_sigma, outcome,
+            measured, predicted, simulated,
+        )  # fmt: skip
+
+    def _is_out_of_reach(
+        self, position: np.ndarray, tow_point: Place, uncertain: np.ndarray, time_sigma: float
+    ) -> bool:
+        away = position - tow_point.position
+        # Where the aircraft was is not known better than when that was.
+        speed = np.linalg.norm(tow_point.velocity)
+        unsure = 3.0 * hypot(*np.sqrt(np.diag(uncertain)), time_sigma * speed)
+        return bool(np.linalg.norm(away) > (1.0 + STRETCH) * self._cable_length + unsure)
+
+
+def place_of(prediction: Prediction, since_jump: float = inf) -> Place | None:
+    """Where a prediction has the end mass, with its motion; None where it has none.
+
+    `since_jump` is for how long it has been on its branch [s].
+    """
+    end_mass, orbit = prediction.end_mass, prediction.orbit
+    if end_mass is None:
+        return None
+    ring = end_mass.circle()
+    ahead, ahead_2, back_2, back = ring[1], ring[2], ring[-2], ring[-1]
+    interval = 2.0 * np.pi / orbit.angular_rate / len(ring)
+    velocity = (8.0 * (ahead - back) - (ahead_2 - back_2)) / (12.0 * interval)
+    velocity += (*orbit.drift, orbit.climb_rate)
+    covariance = np.asarray(end_mass.covariance)[:3, :3]
+    if any(warning.code is WarningCode.WIND_UNMODELLED for warning in prediction.warnings):
+        standing = Standing.UNMODELLED
+    elif end_mass.settled and since_jump >= end_mass.settling_time:
+        standing = Standing.SETTLED
+    else:
+        standing = Standing.SETTLING
+    return Place(
+        prediction.time, np.asarray(end_mass.position), velocity, covariance, standing.value
+    )

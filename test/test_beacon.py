@@ -1,0 +1,352 @@
+"""Measured minus predicted position of a payload with a beacon, held against known truths."""
+
+from dataclasses import replace
+from math import nan
+
+import faults_log
+import numpy as np
+import pytest
+from beacon_flight import OFFSET, SYSTEM, TURN, errors, fly
+from pymavlink.dialects.v20 import all as dialect
+from scipy.stats import chi2
+
+from ctcbs_ros.beacon.comparison import Standing, Unmatched
+from ctcbs_ros.beacon.difference import REGION_95, difference
+from ctcbs_ros.beacon.motion import LONGEST_GAP, Motion, Place
+from ctcbs_ros.beacon.record import comparison_record
+from ctcbs_ros.beacon.statistics import DifferenceStatistics
+from ctcbs_ros.telemetry.beacon import BeaconWanted
+from ctcbs_ros.telemetry.skip_code import SkipCode
+
+# In the last turn nothing is left of the entry: then the cable in time and the predictor, which
+# share no code, agree to this [m]; the logs' positions are in steps of 1.1 cm.
+AGREE = 0.06
+SETTLED_FOR = 55.0  # s after the first settled prediction
+SPEED = 10.3  # m/s of the end mass, on a circle of 31 m
+LATER = 0.02  # s by which the beacon's messages take longer than the aircraft's
+
+
+@pytest.fixture(scope="module")
+def table(drone_table):
+    from ctcbs_ros.configuration import load_configuration
+    from ctcbs_ros.table.storage import load_table
+
+    from beacon_flight import DRONE, STILL  # isort: skip
+
+    return load_table(drone_table, load_configuration(DRONE, STILL))
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory, table):
+    return fly(tmp_path_factory.mktemp("beacon"), table, turns=6.0)
+
+
+# --- the flight ---------------------------------------------------------------------------------
+
+
+def last_turn(found):
+    """Errors while nothing is left of the entry, and before the exit is noticed."""
+    all_of_it = errors(found, SETTLED_FOR)
+    return all_of_it[: int(0.7 * TURN * 5)]
+
+
+def test_what_the_beacon_is_wrong_by_comes_back_as_the_difference(flight):
+    found, tally = flight.compared()
+    assert tally.outcomes[Standing.SETTLED] > 300
+    assert np.abs(last_turn(found)).max() < AGREE
+    assert tally.reports == sum(tally.outcomes.values()) == len(found)
+    # a difference of 3.7 m is no error that the beacon states (0.1 m), nor its time explains
+    assert tally.predicted[Standing.SETTLED].as_dict()["share_inside_95"] < 0.1
+
+
+def test_clockwise_comes_back_as_well(tmp_path, table):
+    found, _ = fly(tmp_path, table, sense=-1, turns=6.0).compared()
+    assert np.abs(last_turn(found)).max() < AGREE
+
+
+def test_only_a_settled_prediction_counts_as_an_error(flight):
+    found, tally = flight.compared()
+    first = next(p for p in flight.predictions if p.valid and p.end_mass.settled)
+    for one in found:
+        if one.outcome is Standing.SETTLED:
+            assert one.time >= first.time
+    settling = [one for one in found if one.outcome is Standing.SETTLING]
+    assert len(settling) > 50
+    assert all(one.time < first.time for one in settling)
+    # On the way there it is tens of metres off: that is not counted as the prediction's error.
+    worst = tally.predicted[Standing.SETTLING].as_dict()["horizontal_95_m"]
+    assert worst > 5 * tally.predicted[Standing.SETTLED].as_dict()["horizontal_95_m"]
+    assert tally.outcomes[Unmatched.NO_PREDICTION] > 0
+
+
+def test_where_wind_is_not_known_it_is_counted_apart(flight):
+    unknown = [
+        replace(p, warnings=(*p.warnings, _wind_warning())) if p.valid else p
+        for p in flight.predictions
+    ]
+    _, tally = replace(flight, predictions=unknown).compared()
+    assert tally.outcomes[Standing.SETTLED] == tally.outcomes[Standing.SETTLING] == 0
+    assert tally.outcomes[Standing.UNMODELLED] > 300
+
+
+def _wind_warning():
+    from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
+
+    return Warning(WarningCode.WIND_UNMODELLED, Level.WARN, "wind is not known")
+
+
+def test_the_prediction_is_taken_at_the_time_of_the_report(flight):
+    """Taken at the prediction next to it, 0.07 s early, it would be 0.7 m off."""
+    newest = next(p for p in reversed(flight.predictions) if p.valid)
+    speed = newest.end_mass.state.radius * newest.orbit.angular_rate
+    assert speed == pytest.approx(SPEED, rel=0.05)
+    found, _ = flight.compared()
+    moving = next(one for one in reversed(found) if one.outcome is Standing.SETTLED)
+    times = {round(p.time, 3) for p in flight.predictions}
+    assert all(round(one.time, 3) not in times for one in found if one.time == one.time)
+    assert moving.stamp_ns / 1e9 % 0.2 == pytest.approx(0.07, abs=1e-3)
+
+
+# --- clocks -------------------------------------------------------------------------------------
+
+
+def without_system_time(log):
+    return [one for one in log if one.kind != dialect.MAVLINK_MSG_ID_SYSTEM_TIME]
+
+
+def test_clocks_hours_apart_are_tied_by_the_unix_time_that_both_tell(flight):
+    found, tally = flight.compared()
+    assert set(tally.times_by) == {"Unix time"}
+    assert all(one.time_sigma == 0.0 for one in found if one.time_by)
+
+
+def test_without_unix_time_clocks_are_tied_by_when_messages_are_received(flight):
+    found, tally = flight.compared(without_system_time(flight.log))
+    assert set(tally.times_by) == {"receive times"}
+    # The beacon's messages take 20 ms longer than the aircraft's: as much is its time off.
+    on_time = {one.stamp_ns: one.time for one in flight.compared()[0] if one.settled}
+    for one in found:
+        if one.settled:
+            near = min(on_time, key=lambda stamp: abs(stamp - one.stamp_ns))
+            assert one.time - on_time[near] == pytest.approx(LATER, abs=2e-3)
+    assert np.abs(last_turn(found)).max() < AGREE + LATER * SPEED
+
+
+def test_delays_that_vary_do_not_shift_the_time(flight):
+    random = np.random.default_rng(5)
+    log = faults_log.delay(without_system_time(flight.log), 0.8, random)
+    # Messages of one sender keep their order on most links.
+    found, tally = flight.compared(sorted(log, key=lambda one: one.time_us))
+    assert tally.outcomes[Standing.SETTLED] > 200
+    assert np.abs(last_turn(found)).max() < 0.3
+
+
+def test_a_log_without_receive_times_is_tied_by_the_order_and_says_how_well(flight):
+    raw = b"".join(one.frame for one in without_system_time(flight.log))
+    found, tally = flight.compared(raw)
+    assert set(tally.times_by) == {"order received"}
+    assert max(one.time_sigma for one in found if one.settled) == pytest.approx(0.2, abs=0.05)
+    # The newest of the aircraft is up to 0.2 s old.
+    assert np.abs(last_turn(found)).max() < SPEED * 0.2
+
+
+def test_a_beacon_whose_unix_time_was_never_set_is_tied_by_receive_times(flight):
+    def years_off(message):
+        if message.get_msgId() == dialect.MAVLINK_MSG_ID_SYSTEM_TIME:
+            message.time_unix_usec -= 5 * 365 * 86_400 * 1_000_000
+
+    found, tally = flight.compared(faults_log.change(flight.log, flight.of_beacon(), years_off))
+    assert set(tally.times_by) == {"receive times"}
+    assert np.abs(last_turn(found)).max() < AGREE + LATER * SPEED
+
+
+def test_clocks_that_contradict_each_other_by_seconds_make_the_time_that_unsure(flight):
+    def early(message):
+        if message.get_msgId() == dialect.MAVLINK_MSG_ID_SYSTEM_TIME:
+            message.time_unix_usec -= 3_000_000
+
+    found, _ = flight.compared(faults_log.change(flight.log, flight.of_beacon(), early))
+    settled = [one for one in found if one.settled]
+    assert np.median([one.time_sigma for one in settled]) == pytest.approx(3.0, abs=0.1)
+    # and so wide is the region along the motion
+    for one in settled[100:200]:
+        widest = np.sqrt(np.linalg.eigvalsh(one.predicted.covariance)[-1])
+        assert widest == pytest.approx(3.0 * SPEED, rel=0.1)
+
+
+# --- faults of the beacon -----------------------------------------------------------------------
+
+
+def clean_times(flight):
+    return {round(one.time, 3) for one in flight.compared()[0] if one.settled}
+
+
+def test_a_silent_beacon_leaves_a_gap_and_nothing_else(flight):
+    silent = flight.of_beacon(90.0, 100.0)
+    log = [one for one, gone in zip(flight.log, silent, strict=True) if not gone]
+    found, tally = flight.compared(log)
+    settled = {round(one.time, 3) for one in found if one.settled}
+    missing = clean_times(flight) - settled
+    assert len(missing) == pytest.approx(50, abs=2)
+    assert np.abs(last_turn(found)).max() < AGREE
+    # the first after more than 10 s is believed when another follows
+    assert sum(tally.outcomes[code] for code in SkipCode) == tally.outcomes[SkipCode.AHEAD] <= 1
+
+
+def test_a_frozen_beacon_is_skipped_from_where_its_velocity_has_led_away(flight):
+    log = faults_log.freeze(flight.log, flight.of_beacon(90.0, 100.0))
+    found, tally = flight.compared(log)
+    # a metre in the first sample: from the second on
+    assert 44 <= tally.outcomes[SkipCode.FROZEN] <= 50
+    assert np.abs(errors(found, SETTLED_FOR)[:20]).max() < 1.5
+
+
+def test_a_position_that_stands_still_without_a_velocity_is_not_believed_for_long(flight):
+    def without_velocity(message):
+        if hasattr(message, "vx"):
+            message.vx = message.vy = message.vz = 0
+            message.lat, message.lon = 474_000_000, 85_000_000
+
+    log = faults_log.change(flight.log, flight.of_beacon(90.0, 110.0), without_velocity)
+    _, tally = flight.compared(log)
+    assert tally.outcomes[SkipCode.FROZEN] + tally.outcomes[SkipCode.JUMP] >= 70
+
+
+def test_a_beacon_at_0_0_is_never_compared(flight):
+    def nowhere(message):
+        if hasattr(message, "lat"):
+            message.lat = message.lon = 0
+
+    found, tally = flight.compared(
+        faults_log.change(flight.log, flight.of_beacon(90.0, 100.0), nowhere)
+    )
+    assert tally.outcomes[SkipCode.ZERO_POSITION] == pytest.approx(50, abs=1)
+    assert np.abs(last_turn(found)).max() < AGREE
+
+
+def test_a_beacon_without_a_fix_is_never_compared(flight):
+    def no_fix(message):
+        if message.get_msgId() == dialect.MAVLINK_MSG_ID_GPS_RAW_INT:
+            message.fix_type = 1
+
+    _, tally = flight.compared(
+        faults_log.change(flight.log, flight.of_beacon(90.0, 100.0), no_fix)
+    )
+    assert tally.outcomes[SkipCode.BAD_FIX] == pytest.approx(50, abs=2)
+
+
+def test_a_glitch_of_the_beacon_is_skipped_and_one_that_lasts_is_out_of_reach(flight):
+    short = faults_log.shift(flight.log, flight.of_beacon(90.0, 90.7), north=100.0)
+    found, tally = flight.compared(short)
+    assert tally.outcomes[SkipCode.JUMP] in (3, 4)
+    assert np.abs(last_turn(found)).max() < AGREE
+    # 300 m away from an aircraft that tows 150 m of cable
+    far = faults_log.shift(flight.log, flight.of_beacon(90.0, 100.0), north=300.0)
+    found, tally = flight.compared(far)
+    assert tally.outcomes[SkipCode.JUMP] >= 4
+    assert tally.outcomes[Unmatched.OUT_OF_REACH] > 30
+    assert np.abs(errors(found)[:, 1]).max() < 100.0
+
+
+def test_a_rebooted_beacon_goes_on_and_the_aircraft_knows_nothing_of_it(flight):
+    def reboot(log):
+        return faults_log.step_clock(log, flight.of_beacon(90.0), -10_900_000)
+
+    found, tally = flight.compared(reboot(flight.log))
+    assert tally.outcomes[Unmatched.NO_COMMON_TIME] <= 10
+    assert np.abs(last_turn(found)).max() < AGREE
+    # also where only the receive times tie it
+    found, tally = flight.compared(without_system_time(reboot(flight.log)))
+    assert tally.outcomes[Unmatched.NO_COMMON_TIME] <= 10
+    assert np.abs(last_turn(found)).max() < AGREE + LATER * SPEED
+
+
+def test_another_component_of_the_beacons_system_is_not_the_beacon(flight):
+    found, _ = flight.compared(wanted=BeaconWanted(SYSTEM, 7))
+    assert found == []
+
+
+# --- motion between predictions -----------------------------------------------------------------
+
+
+def circling(times, radius=50.0, rate=0.35, sense=1):
+    """Places on a circle."""
+    angle = sense * rate * np.asarray(times)
+    for t, a in zip(times, angle, strict=True):
+        position = radius * np.array([np.cos(a), np.sin(a), 0.0])
+        velocity = sense * rate * radius * np.array([-np.sin(a), np.cos(a), 0.0])
+        yield Place(t, position, velocity, np.eye(3) * (1.0 + t))
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_motion_is_followed_round_the_circle_at_one_position_a_second(sense):
+    motion = Motion()
+    for place in circling(np.arange(0.0, 8.0), sense=sense):
+        motion.add(place.time, place)
+    times = np.linspace(0.0, 7.0, 211)
+    truth = list(circling(times, sense=sense))
+    off = [np.abs(motion.at(t).position - p.position).max() for t, p in zip(times, truth)]  # noqa: B905
+    fast = [np.abs(motion.at(t).velocity - p.velocity).max() for t, p in zip(times, truth)]  # noqa: B905
+    # the chord between two positions would be 0.76 m inside
+    assert max(off) < 50.0 * 0.35**4 / 384 * 1.01
+    assert max(fast) < 0.05
+    assert motion.at(2.5).covariance[0, 0] == pytest.approx(3.5)
+
+
+def test_motion_is_never_told_beyond_its_ends_nor_across_a_gap():
+    motion = Motion(worst=("settled", "settling"))
+    first, second, third = circling([0.0, 0.2, 0.2 + LONGEST_GAP + 0.1])
+    motion.add(first.time, replace(first, standing="settled"))
+    assert motion.at(0.1) is None
+    assert motion.at(-0.1) is None
+    motion.add(second.time, replace(second, standing="settling"))
+    assert motion.at(0.1).standing == "settling"
+    motion.add(third.time, third)
+    assert motion.at(0.3) is None
+    assert motion.at(third.time) is third
+    motion.add(third.time + 0.2, None)
+    assert motion.at(third.time + 0.1) is None
+    assert motion.covers(third.time + 0.1)
+    motion.add(third.time + 30.0, first)
+    assert motion.is_before(third.time)
+
+
+# --- figures ------------------------------------------------------------------------------------
+
+
+def test_region_of_95_per_cent_holds_95_per_cent_of_normal_errors():
+    assert chi2.ppf(0.95, 3) == pytest.approx(REGION_95, rel=1e-12)
+    random = np.random.default_rng(1)
+    shape = random.normal(size=(3, 3))
+    covariance = shape @ shape.T + np.eye(3)
+    off = random.multivariate_normal(np.zeros(3), covariance, 4000)
+    found = [difference(one, np.zeros(3), covariance) for one in off]
+    # 4000 of them: one standard deviation is 0.34 %
+    assert np.mean([one.inside_95 for one in found]) == pytest.approx(0.95, abs=0.012)
+    statistics = DifferenceStatistics()
+    for one in found:
+        statistics.add(one)
+    figures = statistics.as_dict()
+    horizontal = np.hypot(*off[:, :2].T)
+    np.testing.assert_allclose(figures["mean_m"], off.mean(axis=0), atol=1e-12)
+    assert figures["rms_horizontal_m"] == pytest.approx(np.sqrt((horizontal**2).mean()))
+    assert figures["rms_up_m"] == pytest.approx(np.sqrt((off[:, 2] ** 2).mean()))
+    assert figures["horizontal_95_m"] == pytest.approx(np.quantile(horizontal, 0.95), rel=0.011)
+    assert figures["vertical_95_m"] == pytest.approx(np.quantile(abs(off[:, 2]), 0.95), rel=0.011)
+
+
+def test_no_figures_of_nothing():
+    figures = DifferenceStatistics().as_dict()
+    assert figures.pop("count") == 0
+    assert set(figures.values()) == {None}
+
+
+def test_a_record_has_no_number_that_is_not_known(flight):
+    found, _ = flight.compared()
+    for one in (found[0], next(one for one in found if one.settled)):
+        record = comparison_record(one)
+        assert all(value == value for value in record.values())  # no nan
+    assert record["outcome"] == "settled"
+    assert record["measured_minus_predicted_east_m"] == pytest.approx(OFFSET[0], abs=5.0)
+    assert record["measured_minus_simulated_east_m"] is None
+    assert comparison_record(replace(found[0], time=nan))["vehicle_time_s"] is None
