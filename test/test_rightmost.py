@@ -49,16 +49,28 @@ def _agrees_with_all_eigenvalues(state):
     needed = 2.7 * _slow_wave_phase(state)
     first = next((i for i, n in enumerate(FUNCTIONS) if i and n >= needed), len(FUNCTIONS) - 1)
     tried = FUNCTIONS[first - 1 : FUNCTIONS.index(found.functions) + 1]
-    coarse = _over_nodes_of(state, tried[0], tried[1])
-    worst = [_worst(coarse, band)]
-    worst += [_worst(vibration_matrix(state, n), band) for n in tried[1:]]
-    agrees = [_agree(before, now) for before, now in pairwise(worst)]
+    matrices = [_over_nodes_of(state, tried[0], tried[1])]
+    matrices += [vibration_matrix(state, n) for n in tried[1:]]
+    worst = [_worst(matrix, band) for matrix in matrices]
+    # or where the mode has much in the highest of them
+    tails = [_tail(*mode) for mode in zip(matrices, worst, strict=True)]
+    agrees = [
+        _agree(*two, 0.01 if tail < 0.013 else 1e-4)
+        for two, tail in zip(pairwise(worst), tails[1:], strict=True)
+    ]
     if len(agrees) > 1 and agrees[0]:
         # by chance: the mode itself has moved further, and another stands where it was
-        values = np.linalg.eigvals(coarse)
-        agrees[0] = _agree(values[np.argmin(np.abs(values - worst[1]))], worst[1])
+        values = np.linalg.eigvals(matrices[0])
+        agrees[0] = _agree(values[np.argmin(np.abs(values - worst[1]))], worst[1], 0.01)
     assert not any(agrees[:-1]), state
     assert found.converged == agrees[-1], state
+
+
+def _tail(a, value):
+    """Share of the left eigenvector's displacements in the highest third of the functions."""
+    values, vectors = np.linalg.eig(a.T)
+    half = vectors[len(a) // 2 :, np.argmin(np.abs(values - value))].reshape(3, -1)
+    return np.linalg.norm(half[:, -(half.shape[1] // 3) :]) / np.linalg.norm(half)
 
 
 def _slow_wave_phase(state):
@@ -78,8 +90,16 @@ def _slow_wave_phase(state):
     return simpson(number, x=s)
 
 
-def _agree(before, now):
-    return abs(now.real - before.real) <= max(0.01 * abs(now.real), 1e-5)
+def _agree(before, now, relative):
+    frequencies = abs(now.imag), abs(before.imag)
+    return (
+        _growth_rates_agree(before, now, relative)
+        and abs(frequencies[0] - frequencies[1]) <= max(0.01 * abs(now), 1e-5)
+    )  # fmt: skip
+
+
+def _growth_rates_agree(before, now, relative=0.01):
+    return abs(now.real - before.real) <= max(relative * abs(now.real), 1e-5)
 
 
 def _over_nodes_of(state, functions, more):
@@ -191,13 +211,17 @@ def test_chance_agreement_is_rare_where_little_tension_meets_much_drag(monkeypat
     def wrong():
         found = [stability(state) for state in states]
         return sum(
-            one.converged and abs(one.growth_rate - growth) > 0.02 * abs(growth)
+            one.converged and abs(one.growth_rate - growth) > 0.01 * abs(growth)
             for one, growth in zip(found, exact, strict=True)
         )
 
-    assert wrong() <= 1
+    assert wrong() == 0
+    # Without what resolves slow waves, short modes and pairs about to become real:
     monkeypatch.setattr("ctcbs_ros.solver.stability._FUNCTIONS_A_RADIAN", 1e-9)
-    assert wrong() >= 4
+    assert wrong() >= 2
+    monkeypatch.setattr("ctcbs_ros.solver.stability._TAIL", 1.0)
+    monkeypatch.setattr("ctcbs_ros.solver.stability._agree", _growth_rates_agree)
+    assert wrong() >= 6
 
 
 def test_all_eigenvalues_are_rarely_needed():

@@ -379,6 +379,8 @@ def test_a_heavy_mass_on_a_slow_orbit_is_a_pendulum():
         ((1.94083, 5.30402, 8.0499, 211.425, 1.34783, 3262.72), -0.04682),
         ((1.2255, 5.6074, 5.045, 542.94, 0.6102, 600.0), -0.06759),
         ((2.738425, 5.683708, 7.575698, 49.42303, 0.234875, np.inf), -0.11697),
+        # of 60 functions and of 90
+        ((3.4513, 1.4653, 1.5295, 47.961, 0.014803, 16809.0), -0.43158),
     ],
 )
 def test_chance_agreement_of_unresolved_modes_is_not_taken_for_convergence(point, growth_rate):

@@ -6,7 +6,6 @@ radian of orbit is once or twice the distance in ln, a tenth of a percent for th
 number of functions that resolves them holds further.
 """
 
-from dataclasses import replace
 from math import inf, log
 from typing import NamedTuple
 
@@ -64,13 +63,14 @@ class Margins:
 
 def _computed(state: SteadyState, known: _Known | None) -> _Known:
     if (
-        known is None
-        or not known.stability.converged
-        or _moved(known.resolved, state) > _SAME_FUNCTIONS
+        known is not None
+        and known.stability.converged
+        and _moved(known.resolved, state) <= _SAME_FUNCTIONS
     ):
-        return _Known(state, stability(state), state)
-    found = stability(state, functions=(known.stability.functions,))
-    return _Known(state, replace(found, converged=True), known.resolved)
+        found = stability(state, functions=(known.stability.functions,))
+        if found.converged:
+            return _Known(state, found, known.resolved)
+    return _Known(state, stability(state), state)
 
 
 def _moved(known: SteadyState, state: SteadyState) -> float:

@@ -45,10 +45,14 @@ _MOST_CORRECTIONS = 6
 
 
 class Rightmost(NamedTuple):
-    """The eigenvalue, its imaginary part not negative, and how many are in the disk."""
+    """The eigenvalue, its imaginary part not negative, and how many are in the disk.
+
+    Of its (left) eigenvector, the share in the highest third of the functions.
+    """
 
     value: complex
-    modes: int
+    modes: int | None
+    tail: float
 
 
 def rightmost(a: np.ndarray, band: float, modes: int | None = None) -> Rightmost | None:
@@ -106,9 +110,11 @@ def rightmost(a: np.ndarray, band: float, modes: int | None = None) -> Rightmost
         found = _best(stiffness, damping, possible, band)
         if found is None:
             continue
-        needed = _needed(band, right, sigma, found.real)
+        value, vector = found
+        needed = _needed(band, right, sigma, value.real)
         if radius > _SURE * needed:
-            return Rightmost(found, int(np.count_nonzero(np.abs(values - sigma) < needed)))
+            modes = int(np.count_nonzero(np.abs(values - sigma) < needed))
+            return Rightmost(value, modes, _tail(vector))
     return None
 
 
@@ -122,7 +128,22 @@ def corrected(a: np.ndarray, value: complex, error: float = _CORRECTED) -> compl
 
     None if there is none within a tenth of it.
     """
-    return _corrected(*_quadratic_form(a), value, 0.1, error)
+    found = _corrected(*_quadratic_form(a), value, 0.1, error)
+    return None if found is None else found[0]
+
+
+def tail(a: np.ndarray, value: complex) -> float:
+    """Share (of its length) that an eigenvalue's left eigenvector has in the highest functions.
+
+    In the highest third of them, in displacements; 1 where it is not an eigenvalue.
+    """
+    found = _corrected(*_quadratic_form(a), value, _DOUBT)
+    return 1.0 if found is None else _tail(found[1])
+
+
+def _tail(vector) -> float:
+    share = np.abs(vector.reshape(3, -1)) ** 2
+    return float(np.sqrt(share[:, -(share.shape[1] // 3) :].sum() / share.sum()))
 
 
 def _quadratic_form(a) -> tuple[np.ndarray, np.ndarray]:
@@ -182,25 +203,31 @@ def _eigenvalues(matrix) -> np.ndarray | None:
     return real + 1j * imag if info == 0 else None
 
 
-def _best(stiffness, damping, values, band) -> complex | None:
-    """The rightmost of approximate eigenvalues, corrected, in the band; None if in doubt."""
+def _best(stiffness, damping, values, band) -> tuple[complex, np.ndarray] | None:
+    """The rightmost of approximate eigenvalues in the band, corrected, with its left eigenvector.
+
+    None if in doubt.
+    """
     best = None
     for count, value in enumerate(values[np.argsort(-values.real)]):
-        if best is not None and value.real < best.real - _DOUBT * abs(value):
+        if best is not None and value.real < best[0].real - _DOUBT * abs(value):
             break
-        exact = _corrected(stiffness, damping, complex(value), _DOUBT)
-        if exact is None or count == _MOST_CORRECTIONS:
+        found = _corrected(stiffness, damping, complex(value), _DOUBT)
+        if found is None or count == _MOST_CORRECTIONS:
             return None
-        if abs(exact.imag) <= band and (best is None or exact.real > best.real):
-            best = complex(exact.real, abs(exact.imag))
+        exact, vector = found
+        if abs(exact.imag) <= band and (best is None or exact.real > best[0].real):
+            best = complex(exact.real, abs(exact.imag)), vector
     return best
 
 
-def _corrected(stiffness, damping, value, trust, error=_CORRECTED) -> complex | None:
+def _corrected(
+    stiffness, damping, value, trust, error=_CORRECTED
+) -> tuple[complex, np.ndarray] | None:
     """Newton's method for an eigenvalue of lambda^2 + lambda C + K, by inverse iteration.
 
-    Left eigenvectors, because LAPACK takes rows for columns; None if it goes further than `trust`
-    (relatively).
+    With its left eigenvector, because LAPACK takes rows for columns; None if it goes further than
+    `trust` (relatively).
     """
     allowed = trust * abs(value) + 1e-6
     start = value
@@ -212,7 +239,7 @@ def _corrected(stiffness, damping, value, trust, error=_CORRECTED) -> complex | 
         form.T.flat[:: len(form) + 1] += value * value
         factors, pivots, info = zgetrf(form, overwrite_a=1)
         if info > 0:
-            return value
+            return value, vector
         # The first pass only turns the vector into the eigenvector.
         for _ in range(2):
             vector /= np.linalg.norm(vector)
@@ -225,5 +252,5 @@ def _corrected(stiffness, damping, value, trust, error=_CORRECTED) -> complex | 
         value -= step
         # The next step would be about the square of this one.
         if abs(step) ** 2 <= error * max(abs(value), 1.0):
-            return value
+            return value, vector
     return None

@@ -14,13 +14,17 @@ from scipy.linalg.lapack import dgeev
 from ctcbs_ros.kernels.galerkin import assemble, slow_wave_phase
 from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.parameters import Parameters
-from ctcbs_ros.solver.rightmost import corrected, rightmost
+from ctcbs_ros.solver.rightmost import Rightmost, corrected, rightmost, tail
 from ctcbs_ros.solver.steady_state import SteadyState, cable_states
 
 # Numbers of functions tried, each half again as many as the one before.
 FUNCTIONS = (8, 12, 18, 27, 40, 60)
 # The margin is converged to 1 %, or to this where it is close to zero.
 RELATIVE, ABSOLUTE = 0.01, 1e-5
+# The most that a resolved mode has in the highest third of the functions. One that has more may
+# agree by chance, hence must agree better; overdamped axial waves, as short as one likes, do.
+_TAIL = 0.013
+_UNRESOLVED = 1e-4
 # Functions a coordinate for each radian that the phase of a slow wave turns along the cable: with
 # less than that two numbers of functions can agree by chance on a mode that neither resolves. How
 # seldom they still do: test_chance_agreement_is_rare_where_little_tension_meets_much_drag.
@@ -50,7 +54,9 @@ class Stability:
     functions : int
         Functions a coordinate that the result was computed with.
     converged : bool
-        Whether half again as many functions changed the growth rate by less than 1 %.
+        Whether half again as many functions changed the growth rate by less than 1 %, or 0.01 %
+        where the mode has much in the highest functions. Of a single number of functions, whether
+        it has little in them.
     beyond_fold : bool
         Whether the tow-circle condition falls with the end-mass radius: between two folds.
     """
@@ -157,7 +163,7 @@ def stability(state: SteadyState, band: float | None = None, functions=FUNCTIONS
         Largest |Im lambda| per radian that counts; by default `Parameters.band`. Where no mode is
         that slow, it is widened to the slowest one.
     functions : sequence of int
-        Numbers of functions to try, until two in succession agree.
+        Numbers of functions to try, until two in succession agree on a mode they resolve.
 
     Returns
     -------
@@ -179,14 +185,19 @@ def _of_modes(state: SteadyState, band: float, functions) -> Stability:
     first = first_resolving(state, functions)
     for i, n in enumerate(functions[first:], first):
         a = _matrix(state, n)
-        worst, modes = _least_damped(a, band, modes)
-        growth, frequency = worst.real, abs(worst.imag)
+        worst, modes, share = _least_damped(a, band, modes)
+        resolved = share < _TAIL
         if i == first > 0:
             before = _coarser(a, functions[i - 1], worst, band, modes)
-        if before is not None and _agree(before, growth):
-            return Stability(growth, frequency, max(band, frequency), n, True)
-        before = growth
-    return Stability(growth, frequency, max(band, frequency), n, False)
+        if before is None:
+            converged = resolved and len(functions) == 1
+        else:
+            converged = _agree(before, worst, RELATIVE if resolved else _UNRESOLVED)
+        if converged:
+            break
+        before = worst
+    growth, frequency = worst.real, abs(worst.imag)
+    return Stability(growth, frequency, max(band, frequency), n, converged)
 
 
 def _beyond_fold(state: SteadyState, found: Stability) -> Stability:
@@ -221,12 +232,19 @@ def _slow_wave_phase(state: SteadyState) -> float:
     return slow_wave_phase(states, weights, p.omega, p.cable_drag, p.elasticity, _SLOW_WAVE)
 
 
-def _agree(before: float, growth: float) -> bool:
-    return abs(growth - before) <= max(RELATIVE * abs(growth), ABSOLUTE)
+def _agree(before: complex, now: complex, relative: float = RELATIVE) -> bool:
+    """Whether a mode has converged: its growth rate, and its frequency to 1 % of both together.
+
+    Two growth rates alone are alike by chance where a pair of modes is about to become real.
+    """
+    return (
+        abs(now.real - before.real) <= max(relative * abs(now.real), ABSOLUTE)
+        and abs(abs(now.imag) - abs(before.imag)) <= max(RELATIVE * abs(now), ABSOLUTE)
+    )  # fmt: skip
 
 
-def _coarser(a, functions: int, worst: complex, band: float, modes) -> float | None:
-    """Growth rate with fewer functions, from the matrix of more; None if it differs for certain.
+def _coarser(a, functions: int, worst: complex, band: float, modes) -> complex | None:
+    """The mode with fewer functions, from the matrix of more; None if it differs for certain.
 
     Where the mode itself has moved too far, another that stands where it was is chance.
     """
@@ -234,18 +252,19 @@ def _coarser(a, functions: int, worst: complex, band: float, modes) -> float | N
     parts = a.reshape(2, 3, n, 2, 3, n)[:, :, :functions, :, :, :functions]
     fewer = np.ascontiguousarray(parts).reshape(6 * functions, 6 * functions)
     same = corrected(fewer, worst, 1e-7)
-    if same is not None and not _agree(same.real, worst.real):
+    if same is not None and not _agree(same, worst):
         return None
-    return _least_damped(fewer, band, modes)[0].real
+    return _least_damped(fewer, band, modes).value
 
 
-def _least_damped(a: np.ndarray, band: float, modes: int | None) -> tuple[complex, int | None]:
+def _least_damped(a: np.ndarray, band: float, modes: int | None) -> Rightmost:
     """The eigenvalue of largest real part in the band, and what helps to find it again."""
-    worst = rightmost(a, band, modes)
-    if worst is not None:
-        return worst
+    found = rightmost(a, band, modes)
+    if found is not None:
+        return found
     values = _all_eigenvalues(a)
     # On a slow orbit even the pendulum may swing faster than the band: then it is what counts.
     slowest = np.abs(values.imag).min()
     values = values[np.abs(values.imag) <= max(band, slowest)]
-    return complex(values[np.argmax(values.real)]), None
+    worst = complex(values[np.argmax(values.real)])
+    return Rightmost(worst, None, tail(a, worst))
