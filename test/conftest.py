@@ -3,11 +3,19 @@
 import os
 from pathlib import Path
 
+import hypothesis
 import pytest
 import scipy.linalg  # noqa: F401, its BLAS is another than numpy's: limited once it is loaded
 from threadpoolctl import threadpool_limits
 
 from ctcbs_ros.replay import through_node
+
+# The same examples in each run, however long each takes: what one run finds, all do.
+hypothesis.settings.register_profile(
+    "same on any machine", deadline=None, derandomize=True,
+    suppress_health_check=[hypothesis.HealthCheck.too_slow],
+)  # fmt: skip
+hypothesis.settings.load_profile("same on any machine")
 
 DRONE = Path(__file__).parents[1] / "config" / "small_drone.yaml"
 

@@ -419,7 +419,7 @@ def test_byte_order_mark_is_no_obstacle(tmp_path):
     assert load_configuration(path).cable.length == 150.0
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     st.one_of(
         st.binary(max_size=200),

@@ -1,9 +1,9 @@
 """A flood of datagrams at the node: it answers, its memory stays, and every drop is counted."""
 
 import json
-import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -11,7 +11,8 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2 (rclpy)")
 
 from diagnostic_msgs.msg import DiagnosticArray
-from flood import BOOT_MS
+from links import free_port
+from processes import LIMIT
 from rcl_interfaces.srv import GetParameters
 from running_node import RunningNode
 from soak import resident_mb
@@ -28,9 +29,7 @@ def vehicle_time(record):
 
 def flooded(folder, table, duration):
     """Flood the node; returns its last report, what was sent, answers got, and memory [MB]."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     parameters = {
         "mavlink.url": f"udpin:{port}", "table.file": table, "diagnostics.period": 0.5,
     }  # fmt: skip
@@ -40,24 +39,27 @@ def flooded(folder, table, duration):
         node.wait_until_ready()
         node.wait_until(lambda: reports and reports[-1].status)
         command = [sys.executable, Path(__file__).with_name("flood.py"), port, RATE, duration]
-        sender = subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, text=True)
+        sender = subprocess.Popen(
+            list(map(str, command)), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
         try:
-            node.wait_until(lambda: records, 30.0)
-            answers, memory = 0, []
-            while sender.poll() is None:
+            node.wait_until(lambda: records)
+            answers, memory, begun = 0, [], time.monotonic()
+            while answers == 0 or time.monotonic() - begun < duration:
+                # The sender goes on meanwhile: it waits for the line below.
                 request = GetParameters.Request(names=["cable.length"])
-                answer = node.call(GetParameters, "/predictor/get_parameters", request, 30.0, 10.0)
+                answer = node.call(GetParameters, "/predictor/get_parameters", request)
                 assert answer.values[0].double_value == 150.0
                 answers += 1
                 memory.append(resident_mb(node.process.pid))
                 node.spin(0.2)
-            sent = int(sender.stdout.read())
+            told, _ = sender.communicate("enough\n", timeout=LIMIT)
+            sent, last = int(told.split()[0]), float(told.split()[1])
         finally:
             sender.kill()
             sender.wait()
         # The newest one of all has come through, and is the last.
-        last = BOOT_MS / 1000 + duration + 1.0
-        node.wait_until(lambda: vehicle_time(records[-1]) == pytest.approx(last), 30.0)
+        node.wait_until(lambda: vehicle_time(records[-1]) == pytest.approx(last))
         seen = len(reports)
         node.wait_until(lambda: len(reports) > seen + 1)
     (told,) = [s for s in reports[-1].status if s.name.endswith("telemetry")]

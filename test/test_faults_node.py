@@ -11,6 +11,7 @@ pytest.importorskip("rclpy", reason="needs ROS 2 (rclpy)")
 from diagnostic_msgs.msg import DiagnosticArray
 from faults_replay import replay
 from geometry_msgs.msg import PoseWithCovarianceStamped
+from processes import LIMIT
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile
 from running_node import RunningNode
 from soak import soak, write_log
@@ -48,7 +49,7 @@ def test_all_that_is_dropped_stands_in_diagnostics_and_summary(log, drone_table,
     assert min(link[name] for name in ("lost", "repeated", "bad_bytes", "other_positions")) > 0
     parameters = {
         "mavlink.url": quoted(str(tmp_path / "faults.tlog")), "table.file": drone_table,
-        "replay.wait_for_subscribers": 30.0,
+        "replay.wait_for_subscribers": LIMIT,
     }  # fmt: skip
     with RunningNode(tmp_path, parameters) as node:
         reports = node.messages(DiagnosticArray, "/diagnostics")
@@ -56,7 +57,7 @@ def test_all_that_is_dropped_stands_in_diagnostics_and_summary(log, drone_table,
         summaries = node.messages(String, "/predictor/summary", LATCHED)
         node.wait_until_ready()
         node.messages(PoseWithCovarianceStamped, "/predictor/end_mass/pose", KEEP_ALL)  # it waits
-        node.wait_until(lambda: summaries and len(records) >= core.summary["samples"], 60.0)
+        node.wait_until(lambda: summaries and len(records) >= core.summary["samples"])
         seen = len(reports)
         node.wait_until(lambda: len(reports) > seen + 1)
     summary = json.loads(summaries[0].data)

@@ -398,7 +398,7 @@ def test_live_link_outlives_its_sender(tmp_path, drone_log, drone_table):
             return arrays[-1].status[0] if arrays else None
 
         with sending(drone_log, port):
-            node.wait_until(lambda: len(poses) > 20)
+            node.wait_until(lambda: len(poses) > 20 and markers)
             node.wait_until(
                 lambda: telemetry() is not None and telemetry().level != DiagnosticStatus.ERROR
             )

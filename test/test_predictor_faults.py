@@ -38,11 +38,7 @@ arbitrary = st.builds(
     horizontal_accuracy=anything,
     speed_accuracy=anything,
 )
-SETTINGS = {
-    "deadline": None,
-    "derandomize": True,
-    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large],
-}
+SETTINGS = {"suppress_health_check": [HealthCheck.too_slow, HealthCheck.data_too_large]}
 
 
 @settings(max_examples=100, **SETTINGS)

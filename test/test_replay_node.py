@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -21,6 +22,7 @@ from processes import (
     wait_for,
 )
 
+from ctcbs_ros.replay import through_node
 from ctcbs_ros.replay.through_node import free_domain, quoted
 
 DRONE = Path(__file__).parents[1] / "config" / "small_drone.yaml"
@@ -119,6 +121,26 @@ def test_node_that_dies_is_told_in_one_line(drone_log, drone_table, tmp_path):
     assert errors.splitlines()[-1].startswith("ctcbs: error: the node ended by SIGKILL: ")
     assert "Traceback" not in errors
     assert list(tmp_path.iterdir()) == []
+
+
+def test_node_may_take_any_time_to_be_ready_and_is_given_up_if_silent_after_that(monkeypatch):
+    class Clock:
+        """A clock that only the receiver's waiting moves on, by 50 s each time."""
+
+        now = 0.0
+
+        def monotonic(self):
+            return self.now
+
+        def spin_once(self, timeout_sec):
+            self.now += 50.0
+
+    clock = Clock()
+    monkeypatch.setattr(through_node, "time", clock)
+    waiting = SimpleNamespace(_executor=clock, _messages=0, _complete=False, _summary=None)
+    with pytest.raises(through_node.NodeFailure, match="not heard within 120 s"):
+        through_node._Receiver.receive(waiting, lambda: clock.now > 1000.0)
+    assert 1120.0 < clock.now <= 1200.0
 
 
 def test_without_ros_the_way_to_get_it_is_named(drone_log, drone_table):

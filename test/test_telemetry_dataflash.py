@@ -307,7 +307,7 @@ def test_log_may_end_at_any_byte():
         assert [s.time for s in samples] == [25.0, 25.2, 25.4][: len(samples)]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.data())
 def test_no_damage_makes_it_raise(data):
     log = bytearray(declarations() + b"".join(flight(3)) + message("MSG", Message=b"ArduPlane"))

@@ -126,13 +126,13 @@ def test_message_of_a_type_not_known_is_passed_over_whole():
     assert link.bad_bytes == 0
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.binary(max_size=600), st.booleans())
 def test_no_bytes_make_it_raise(data, is_stamped):
     split(data, is_stamped)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.data())
 def test_no_damage_to_a_log_makes_it_raise_or_grow(data):
     log = bytearray(stamped(some_frames(12)))

@@ -262,7 +262,7 @@ KINDS = [
 ]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.data())
 def test_no_contents_of_messages_make_it_raise(data):
     decoder = MavlinkDecoder(True)

@@ -26,9 +26,11 @@ from ctcbs_ros.prediction.record import Record
 NODE = "predictor"
 # Domains whose UDP ports lie below those that Linux gives to others, less 0, where users are.
 DOMAINS = range(1, 102)
-FIRST_MESSAGE = 120.0  # s to wait for the node's start and its discovery
+READY = b"ready, telemetry from"  # of what the node says
+FIRST_MESSAGE = 120.0  # s to wait for its discovery, once it is ready
 LAST_MESSAGES = 20.0  # s to wait for what is missing when the summary is there
 TERMINATION = 10.0  # s
+SAID_AT_START = 1 << 16  # bytes
 PR_SET_PDEATHSIG = 1  # linux/prctl.h
 
 
@@ -95,7 +97,7 @@ def replay_through_node(
         receiver = None
         try:
             receiver = _Receiver(context, f"{namespace}/{NODE}", take)
-            return receiver.receive(lambda: _refuse_if_ended(process, output))
+            return receiver.receive(lambda: _is_ready(process, output))
         finally:
             if receiver is not None:
                 receiver.close()
@@ -165,10 +167,12 @@ def _end_with_parent() -> None:
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
-def _refuse_if_ended(process: subprocess.Popen, output) -> None:
+def _is_ready(process: subprocess.Popen, output) -> bool:
+    """Whether the node listens; raises where it has ended."""
     code = process.poll()
     if code is None:
-        return
+        # Not by seek and read: the node writes where that leaves off.
+        return READY in os.pread(output.fileno(), SAID_AT_START, 0)
     output.seek(0)
     lines = output.read().strip().splitlines() or ["it said nothing"]
     if code == 2:
@@ -211,7 +215,7 @@ class _Receiver:
         self._executor.shutdown(timeout_sec=1.0)
         self._node.destroy_node()
 
-    def receive(self, check_node: Callable[[], None]) -> dict[str, Any]:
+    def receive(self, node_is_ready: Callable[[], bool]) -> dict[str, Any]:
         """Receive everything; returns the summary."""
         silent_since, heard = time.monotonic(), 0
         while not self._complete:
@@ -219,7 +223,9 @@ class _Receiver:
             if self._messages > heard:
                 silent_since, heard = time.monotonic(), self._messages
                 continue
-            check_node()
+            if not node_is_ready():  # it compiles and builds for as long as that takes here
+                silent_since = time.monotonic()
+                continue
             silence = time.monotonic() - silent_since
             if not heard and silence > FIRST_MESSAGE:
                 raise NodeFailure(f"the node was not heard within {FIRST_MESSAGE:g} s")
