@@ -3,7 +3,7 @@
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -38,6 +38,30 @@ def _refuse_device(path: Path) -> None:
     """A folder cannot be replaced by a file, and a device must not be."""
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: cannot be written: it is no file")
+
+
+@contextmanager
+def made_folder(path: str | Path) -> Iterator[Path]:
+    """A folder, made if need be; gone again where the block fails and has left nothing in it.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made.
+    """
+    path = Path(path)
+    made = [folder for folder in (path, *path.parents) if not folder.exists()]
+    try:
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be made: {error.strerror or error}") from None
+        yield path
+    except BaseException:
+        with suppress(OSError):  # not empty, or not made
+            for folder in made:
+                folder.rmdir()
+        raise
 
 
 @contextmanager

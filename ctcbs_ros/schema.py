@@ -15,6 +15,9 @@ from ctcbs_ros.parameter_spec import ParameterSpec, shown
 # Parameters that ROS itself gives every node; a parameter file may set them, they are not ours.
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service")
 ROS_PREFIXES = ("qos_overrides.",)
+# Likeness (difflib) from which another name may have been meant: cable.len is cable.length, but
+# cable.foo is not table.file.
+_NEAR = 0.75
 
 PARAMETERS: tuple[ParameterSpec, ...] = (
     ParameterSpec(
@@ -336,7 +339,9 @@ def why_unknown(key: str) -> str:
     inside = [known for known in BY_KEY if known.startswith(f"{key}.")]
     if inside:
         return f"not a parameter but a group: must hold {', '.join(inside)}"
-    near = difflib.get_close_matches(key, BY_KEY, n=1)
-    return "unknown parameter" + (
-        f" (did you mean {near[0]}?)" if near else f"; known are {', '.join(BY_KEY)}"
-    )
+    near = difflib.get_close_matches(key, BY_KEY, n=1, cutoff=_NEAR)
+    if near:
+        return f"unknown parameter (did you mean {near[0]}?)"
+    group = key.partition(".")[0] + "."
+    known = [known for known in BY_KEY if known.startswith(group)] or BY_KEY
+    return f"unknown parameter; known are {', '.join(known)}"

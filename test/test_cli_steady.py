@@ -12,6 +12,7 @@ from points import STRETCHED, design, figure_3_1
 from processes import LIMIT
 from reference_bvp import boundary_value_problem, brute_force
 
+from ctcbs_ros.cli.main import main
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.stability import stability
@@ -92,6 +93,36 @@ def test_elasticity_is_that_of_the_steady_state_and_of_the_vibration():
     stiff = {**STRETCHED, "gamma": float("inf")}
     result, _ = _solved(*_flags(stiff), "--vibration-elasticity=600")
     assert -result["solutions"][0]["growth_rate"] == pytest.approx(0.0067, abs=5e-5)
+
+
+def test_a_strain_that_no_cable_bears_is_told():
+    soft, messages = _solved(*_flags({**figure_3_1(10.0), "gamma": 0.2}))
+    (solution,) = soft["solutions"]
+    # The weight of 50 alone stretches a cable of EA 0.2 by 250 of its lengths.
+    assert 250.0 < solution["greatest_strain"] < 270.0
+    assert f"state 1 of 1 is stretched by {solution['greatest_strain']:.3g} times its" in messages
+
+
+def test_the_greatest_strain_is_that_of_solve_bvps_tension_and_none_without_stretch():
+    point = {**figure_3_1(10.0), "gamma": 1e4}
+    result, messages = _solved(*_flags(point))
+    reference, _ = boundary_value_problem(point, brute_force(point)[0])
+    # The tension rises all the way up here.
+    assert result["solutions"][0]["greatest_strain"] == pytest.approx(
+        reference.tension_tow_point / 1e4, rel=1e-7
+    )
+    assert messages == ""
+    result, messages = _solved(*_flags({**point, "gamma": float("inf")}))
+    assert result["solutions"][0]["greatest_strain"] == 0.0
+    assert messages == ""
+
+
+def test_a_search_that_is_given_up_is_told_and_ends_with_1(monkeypatch, capsys):
+    monkeypatch.setattr("ctcbs_ros.kernels.search.MOST_WORK", 1)
+    assert main(["steady", *_flags(figure_3_1(10.0))]) == 1
+    out, err = capsys.readouterr()
+    assert "radius/a" in out
+    assert "the search was given up" in err
 
 
 def test_the_state_between_two_folds_is_unstable_without_stretch():

@@ -21,7 +21,7 @@ from ctcbs_ros.configuration import (
 )
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.parameter_file import read_parameter_file
-from ctcbs_ros.schema import PARAMETERS, checked_parameters
+from ctcbs_ros.schema import PARAMETERS, checked_parameters, why_unknown
 
 CONFIG = Path(__file__).parents[1] / "config"
 SHIPPED = sorted(CONFIG.glob("*.yaml"))
@@ -302,6 +302,24 @@ def test_misspelt_parameter_is_refused_with_the_nearest_one(parameters):
         parameters, cable__lenght=5.0
     )
     assert "known are cable.length" in refusal(parameters, xyzzy=5.0)
+
+
+@pytest.mark.parametrize(
+    ("key", "told"),
+    [
+        ("cable.len", " (did you mean cable.length?)"),
+        ("cabel.diameter", " (did you mean cable.diameter?)"),
+        ("limits.ground_level_amsl", " (did you mean ground.level_amsl?)"),
+        ("table.foo", "; known are table.file"),
+    ],
+)
+def test_another_name_is_suggested_only_where_it_is_near(key, told):
+    assert why_unknown(key) == f"unknown parameter{told}"
+
+
+def test_of_a_known_group_its_parameters_are_told():
+    known = why_unknown("cable.foo").partition("known are ")[2].split(", ")
+    assert known == [key for key in BY_KEY if key.startswith("cable.")]
 
 
 def test_value_in_place_of_a_group_is_refused_with_what_the_group_holds(parameters):

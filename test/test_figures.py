@@ -16,6 +16,7 @@ from ctcbs_ros import __version__
 from ctcbs_ros.cli.main import main
 from ctcbs_ros.figures.catalogue import FIGURES
 from ctcbs_ros.figures.rows import read_rows
+from ctcbs_ros.files import made_folder
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
@@ -279,7 +280,8 @@ def living(group):
 
 
 def test_interrupt_of_the_whole_group_leaves_no_half_file_nor_worker_and_is_repeatable(tmp_path):
-    command = [sys.executable, "-m", "ctcbs_ros", "figures", str(tmp_path), "--only", "3.1,4.1"]
+    folder = tmp_path / "made" / "for this"
+    command = [sys.executable, "-m", "ctcbs_ros", "figures", str(folder), "--only", "3.1,4.1"]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
         env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
@@ -292,6 +294,23 @@ def test_interrupt_of_the_whole_group_leaves_no_half_file_nor_worker_and_is_repe
     assert errors.splitlines()[-1] == "ctcbs: interrupted"
     assert "Traceback" not in errors
     wait_for(lambda: not living(process.pid), "the end of every worker")
-    assert {file.suffix for file in tmp_path.iterdir()} <= {".csv", ".png"}
-    assert ctcbs("figures", str(tmp_path), "--only", "3.2").returncode == 0
-    assert read_rows(tmp_path / "fig_3.2.csv")
+    assert {file.suffix for file in tmp_path.rglob("*.*")} <= {".csv", ".png"}
+    assert not list(tmp_path.iterdir()) or list(folder.iterdir())
+    assert ctcbs("figures", str(folder), "--only", "3.2").returncode == 0
+    assert read_rows(folder / "fig_3.2.csv")
+
+
+@pytest.mark.parametrize("keep", [False, True])
+def test_a_folder_made_for_what_fails_is_left_only_with_something_in_it(tmp_path, keep):
+    def fail(folder):
+        assert folder.is_dir()
+        if keep:
+            (folder / "file").touch()
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), made_folder(tmp_path / "a" / "b") as folder:
+        fail(folder)
+    assert (tmp_path / "a").exists() is keep
+    with pytest.raises(KeyboardInterrupt), made_folder(tmp_path) as folder:
+        fail(folder)
+    assert tmp_path.exists()

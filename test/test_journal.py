@@ -110,10 +110,54 @@ def test_silence_is_told_when_it_begins_and_when_it_ends(flight, journal, log):
     ]  # fmt: skip
 
 
+def test_silence_that_lasts_ends_the_orbit_and_its_warnings_and_both_are_told_anew(
+    flight, journal, log
+):
+    low = Warning(WarningCode.LOW_MARGIN, Level.WARN, "slow")
+    event = Warning(WarningCode.JUMPED, Level.WARN, "gone")
+    stale = Warning(WarningCode.STALE_TELEMETRY, Level.ERROR, "no position for 2.5 s")
+    orbit = [p for p in flight if p.valid]
+    journal.add(replace(orbit[0], warnings=(low, event)))
+    for _ in range(20):
+        journal.silence(stale)
+        log.now += 1.0
+    journal.add(replace(orbit[1], warnings=(low,)))
+    assert log.lines[1:-2] == [
+        "WARN LOW_MARGIN: slow", "WARN JUMPED: gone",
+        "WARN STALE_TELEMETRY: no position for 2.5 s",
+        "INFO as no position comes; orbit lost; no longer warned of LOW_MARGIN",
+        "INFO positions come in",
+    ]  # fmt: skip
+    assert log.lines[-2].startswith("INFO orbit: radius")
+    assert log.lines[-1] == "WARN LOW_MARGIN: slow"
+
+
+def test_silence_of_a_moment_ends_nothing(flight, journal, log):
+    low = Warning(WarningCode.LOW_MARGIN, Level.WARN, "slow")
+    stale = Warning(WarningCode.STALE_TELEMETRY, Level.ERROR, "no position for 2.5 s")
+    for prediction in [p for p in flight if p.valid][:2]:
+        journal.add(replace(prediction, warnings=(low,)))
+        for _ in range(2):
+            journal.silence(stale)
+            log.now += 0.4 * OVER
+    assert log.lines[1:] == [
+        "WARN LOW_MARGIN: slow", "WARN STALE_TELEMETRY: no position for 2.5 s",
+        "INFO positions come in", "WARN STALE_TELEMETRY: no position for 2.5 s",
+    ]  # fmt: skip
+
+
 def test_another_flight_is_told(flight, journal, log):
     for number, prediction in enumerate(flight[:10]):
         journal.add(replace(prediction, warnings=(), flight=1 + number // 5))
     assert log.beginnings() == ["INFO a new flight"]
+
+
+def test_another_flight_ends_the_orbit(flight, journal, log):
+    orbit = [p for p in flight if p.valid]
+    for number, prediction in enumerate(orbit[:2]):
+        journal.add(replace(prediction, warnings=(), flight=number))
+    assert log.lines[1] == "INFO a new flight: the vehicle's clock has begun anew; orbit lost"
+    assert log.lines[2].startswith("INFO orbit: radius")
 
 
 def test_a_link_is_told_to_be_up_lost_and_back_and_not_each_time_that_it_flaps(journal, log):

@@ -64,6 +64,10 @@ def ended(node):
         ({"use_sim_time": 3}, "use_sim_time = 3: must be true or false"),
         ({"cable.lenght": 150.0}, "'cable.lenght': unknown parameter"),
         ({"mavlink.url": "absent.tlog"}, "log absent.tlog: cannot be read"),
+        (
+            {"mavlink.url": "udp:127.0.0.1:14550"},
+            "mavlink.url = 'udp:127.0.0.1:14550': no such link or log; allowed: udpin:[HOST:]PORT",
+        ),
         ({"mavlink.url": "udpin:127.0.0.1:0"}, "the port '0' is not a number from 1"),
         ({"table.file": str(DRONE)}, "small_drone.yaml"),
     ],

@@ -101,6 +101,29 @@ def test_vehicle_is_known_before_its_first_heartbeat(tmp_path):
     assert source.link.other_positions == 5
 
 
+@pytest.mark.parametrize("positions", [25, 1000])
+def test_in_a_log_an_aircrafts_heartbeat_comes_before_any_number_of_positions(tmp_path, positions):
+    silent, plane = Sender(9, 1), Sender(3, 1)
+    sent = [silent(position(1000 + 200 * i)) for i in range(positions)] + [plane(heartbeat())]
+    sent += [plane(position(5000 + 200 * i, lat=10.0)) for i in range(5)]
+    path = tmp_path / "silent_sender.tlog"
+    path.write_bytes(stamped(sent))
+    source = open_log(path)
+    assert source.vehicle == Vehicle(3, 1, "fixed wing")
+    assert [sample.latitude for sample in source] == [10.0] * 5
+    assert source.link.other_positions == positions
+
+
+def test_without_any_heartbeat_the_first_to_send_twenty_positions_is_followed(tmp_path):
+    few, many, more = Sender(5, 1), Sender(6, 1), Sender(7, 1)
+    sent = [few(position(1000 + 200 * i)) for i in range(19)]
+    sent += [many(position(1000 + 200 * i)) for i in range(20)]
+    sent += [more(position(1000 + 200 * i)) for i in range(40)]
+    path = tmp_path / "silent_senders.tlog"
+    path.write_bytes(stamped(sent))
+    assert open_log(path).vehicle == Vehicle(6, 1, "unknown type")
+
+
 def test_short_log_without_any_heartbeat_gives_its_positions(tmp_path):
     send = Sender(4, 1)
     path = tmp_path / "short.tlog"

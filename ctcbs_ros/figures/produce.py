@@ -10,7 +10,7 @@ from tqdm import tqdm
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.figures.figure import Figure
 from ctcbs_ros.figures.rows import read_rows, write_rows
-from ctcbs_ros.files import atomic_file
+from ctcbs_ros.files import atomic_file, made_folder
 from ctcbs_ros.worker_pool import worker_pool
 
 _DPI = 130
@@ -37,8 +37,13 @@ def produce(
     InputError
         If the folder cannot be written.
     """
-    folder = _writable(folder)
-    figures = list(figures)
+    with made_folder(folder) as folder:
+        if not os.access(folder, os.W_OK | os.X_OK):  # refused now, not after minutes of work
+            raise InputError(f"{folder}: cannot be written: no permission")
+        _produce(folder, list(figures), progress, announce)
+
+
+def _produce(folder: Path, figures: list[Figure], progress: bool, announce) -> None:
     calls = [(figure, call) for figure in figures for call in figure.calls]
     parts: list = [None] * len(calls)
     left = {figure.number: len(figure.calls) for figure in figures}
@@ -72,15 +77,3 @@ def _write(folder: Path, figure: Figure, parts) -> tuple[Path, Path]:
     with atomic_file(picture, "wb") as file:
         drawing.savefig(file, format="png", dpi=_DPI)
     return table, picture
-
-
-def _writable(folder: str | Path) -> Path:
-    """The folder, made if need be: refused now and not after minutes of computing."""
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be made: {error.strerror or error}") from None
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"{folder}: cannot be written: no permission")
-    return folder

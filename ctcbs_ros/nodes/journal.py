@@ -39,7 +39,7 @@ class Journal:
     def __init__(self, logger, clock: Callable[[], float] = time.monotonic):
         self._logger = logger
         self._clock = clock
-        self._silent = False
+        self._silent_since: float | None = None  # by the clock above
         # Vehicle clock of the newest orbit; None where there is none, or it was told to be left.
         self._orbit_at: float | None = None
         # Vehicle clock of each warning that stands: its first time and its newest.
@@ -55,8 +55,8 @@ class Journal:
         self._begin_flight(prediction)
         known = {WarningCode.NOT_ORBITING}
         if prediction.skip is None:
-            if self._silent:
-                self._silent = False
+            if self._silent_since is not None:
+                self._silent_since = None
                 self._logger.info("positions come in")
                 known.add(WarningCode.STALE_TELEMETRY)
             self._follow_orbit(prediction)
@@ -67,10 +67,9 @@ class Journal:
 
     def _begin_flight(self, prediction: Prediction) -> None:
         if self._flight not in (None, prediction.flight):
-            self._logger.info("a new flight: the vehicle's clock has begun anew")
-        if self._flight != prediction.flight:
-            self._flight, self._orbit_at = prediction.flight, None
-            self._standing.clear()
+            told = ["a new flight: the vehicle's clock has begun anew", *self._lose_orbit()]
+            self._logger.info("; ".join(told))
+        self._flight = prediction.flight
 
     def _tell(self, warning: Warning, now: float) -> None:
         first, _ = self._standing.get(warning.code, (now, now))
@@ -101,13 +100,27 @@ class Journal:
             for code in [code for code in self._standing if code not in TELEMETRY]:
                 del self._standing[code]
 
+    def _lose_orbit(self) -> list[str]:
+        """Forget orbit and warnings, of which nothing more is known; what that was."""
+        told = [] if self._orbit_at is None else ["orbit lost"]
+        codes = [code.value for code in self._standing if code not in EVENTS]
+        if codes:
+            told.append(f"no longer warned of {', '.join(codes)}")
+        self._orbit_at = None
+        self._standing.clear()
+        return told
+
     # --- the source -----------------------------------------------------------------------------
 
     def silence(self, warning: Warning | None) -> None:
-        """Take in whether positions fail to come; told when that begins."""
-        if warning is not None and not self._silent:
-            self._silent = True
+        """Take in whether positions fail to come; told when that begins, and what it ends."""
+        if warning is None:
+            return
+        if self._silent_since is None:
+            self._silent_since = self._clock()
             self._logger.warning(f"{warning.code.value}: {warning.text}")
+        elif self._clock() - self._silent_since > OVER and (told := self._lose_orbit()):
+            self._logger.info("; ".join(["as no position comes", *told]))
 
     def link(self, state: str) -> None:
         """Take in the state of a live link, see `LiveSource.state`."""

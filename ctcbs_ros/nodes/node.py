@@ -1,5 +1,6 @@
 """The node: parameters in, samples from a log, a link or topics, predictions out."""
 
+import re
 import sys
 import time
 from dataclasses import replace
@@ -38,7 +39,7 @@ from ctcbs_ros.telemetry.mavlink import open_link
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.source import LogSource, open_log
 from ctcbs_ros.telemetry.topics import TopicSamples
-from ctcbs_ros.telemetry.transport import SCHEMES
+from ctcbs_ros.telemetry.transport import ALLOWED, SCHEMES
 
 # Topics in, as mavros publishes them; remapped where others do.
 FIX, ODOM = "mavros/global_position/global", "mavros/local_position/odom"
@@ -230,7 +231,8 @@ class PredictorNode(Node):
         if self._live is None or self._last_sample_at is not None:
             self._journal.silence(warning)
         if warning is not None and self._live is not None:
-            return replace(warning, text=f"{warning.text}; link {self._live.state()}")
+            link = self._live.state().partition(" for ")[0]  # the warning says for how long
+            return replace(warning, text=f"{warning.text}; link {link}")
         return warning
 
     def _source_figures(self) -> Record:
@@ -319,4 +321,8 @@ class PredictorNode(Node):
 
 def _names_log(url: str) -> bool:
     """Whether a url is the path of a log rather than a link or nothing."""
-    return url != "" and not url.startswith(LINKS) and not Path(url).is_char_device()
+    if url == "" or url.startswith(LINKS) or Path(url).is_char_device():
+        return False
+    if re.match(r"[a-z][a-z0-9+.-]+:", url, re.IGNORECASE) and not Path(url).exists():
+        raise InputError(f"mavlink.url = {url!r}: no such link or log; {ALLOWED}, or a log's path")
+    return True

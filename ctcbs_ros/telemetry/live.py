@@ -109,7 +109,7 @@ class LiveSource:
             return "nothing received yet"
         silent = time.monotonic() - received
         if silent > SILENT:
-            return f"lost: nothing received for {silent:.0f} s"
+            return f"lost: nothing received for {silent:.1f} s"
         vehicle = self.vehicle
         if vehicle is None:
             return "up, but no vehicle to follow is heard"

@@ -17,6 +17,7 @@ from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.own_messages import OwnMessages
 from ctcbs_ros.telemetry.sample import Sample, Vector
 from ctcbs_ros.telemetry.transport import open_transport
+from ctcbs_ros.telemetry.vehicle_choice import VehicleChoice
 from ctcbs_ros.telemetry.vehicle_messages import VehicleDecoder
 
 
@@ -27,8 +28,8 @@ class MavlinkDecoder:
     ----------
     stamped : bool
         Whether the stream is a .tlog, with a receive stamp before each message.
-    system, component, vehicle
-        As for `VehicleDecoder`.
+    system, component, vehicle, looking_ahead
+        Whom to follow, see `VehicleChoice`.
     hear : callable, optional
         Called with each message of the vehicle followed.
     beacon : BeaconWanted, optional
@@ -43,10 +44,12 @@ class MavlinkDecoder:
         vehicle: Vehicle | None = None,
         hear: Callable | None = None,
         beacon: BeaconWanted | None = None,
+        looking_ahead: bool = False,
     ):
         self.link = LinkStatistics()
         self._beacon = None if beacon is None else BeaconDecoder(beacon)
-        self._messages = VehicleDecoder(system, component, vehicle, self.link)
+        choice = VehicleChoice(system, component, vehicle, looking_ahead)
+        self._messages = VehicleDecoder(link=self.link, choice=choice)
         self._hear = hear
         self._frames = FrameSplitter(frame_decoder(), stamped, self.link)
 

@@ -208,7 +208,9 @@ def _tried_stamps(
 ) -> tuple[bool, MavlinkDecoder]:
     """Whether a MAVLink log is stamped, and the decoder that has read its head."""
     trials = {
-        stamped: _tried(MavlinkDecoder(stamped, system, component, beacon=beacon), head)
+        stamped: _tried(
+            MavlinkDecoder(stamped, system, component, beacon=beacon, looking_ahead=True), head
+        )
         for stamped in (True, False)
     }
     # Read the wrong way, a log is damaged at every stamp.

@@ -50,12 +50,18 @@ class VehicleChoice:
     of an aircraft's autopilot; else, where positions come without such a heartbeat, the first to
     have sent 20 of them. Asked for by its system, it may be other than an aircraft.
 
+    On a live link nobody knows what heartbeats will follow, and the twentieth position decides.
+    Of the head of a log, `looking_ahead`, all heartbeats come first: positions decide in
+    `choose_any`.
+
     Parameters
     ----------
     system, component : int, optional
         MAVLink ids of the vehicle wanted.
     vehicle : Vehicle, optional
         The vehicle, where it is known already.
+    looking_ahead : bool
+        Whether positions alone decide no sooner than in `choose_any`.
 
     Attributes
     ----------
@@ -68,12 +74,15 @@ class VehicleChoice:
         system: int | None = None,
         component: int | None = None,
         vehicle: Vehicle | None = None,
+        looking_ahead: bool = False,
     ):
         if system is not None and component is not None:
             vehicle = Vehicle(system, component, UNKNOWN_TYPE)
         self.vehicle = vehicle
         self._wanted = (system, component)
+        self._looking_ahead = looking_ahead
         self._positions_heard: Counter[tuple[int, int]] = Counter()
+        self._sent_enough: list[tuple[int, int]] = []
         self._not_aircraft: set[tuple[int, int]] = set()
 
     def follows(self, source: tuple[int, int]) -> bool:
@@ -99,11 +108,17 @@ class VehicleChoice:
         if self.vehicle is None and self._is_wanted(source) and source not in self._not_aircraft:
             self._positions_heard[source] += 1
             if self._positions_heard[source] == POSITIONS_WITHOUT_HEARTBEAT:
-                self.vehicle = Vehicle(*source, UNKNOWN_TYPE)
+                self._sent_enough.append(source)
+                if not self._looking_ahead:
+                    self.vehicle = Vehicle(*source, UNKNOWN_TYPE)
 
     def choose_any(self) -> None:
-        """Follow the first sender of positions now, however few they were."""
-        senders = [source for source in self._positions_heard if source not in self._not_aircraft]
+        """Follow the first to have sent 20 positions, else the first sender of any."""
+        senders = [
+            source
+            for source in (*self._sent_enough, *self._positions_heard)
+            if source not in self._not_aircraft
+        ]
         if self.vehicle is None and senders:
             self.vehicle = Vehicle(*senders[0], UNKNOWN_TYPE)
 
