@@ -1,6 +1,7 @@
 """The loop that the node runs in: it leaves nothing behind, and ends with its log."""
 
 import gc
+import sys
 
 import pytest
 
@@ -46,3 +47,18 @@ def test_node_that_is_woken_again_and_again_keeps_no_object_of_it():
         context.try_shutdown()
     early, late = node.objects.values()
     assert late - early < ROUNDS // 10
+
+
+def test_node_whose_context_is_shut_down_before_it_spins_ends_without_a_word(monkeypatch):
+    """As by a signal that comes when the node has just been made."""
+    complaints = []
+    monkeypatch.setattr(sys, "unraisablehook", complaints.append)
+    context = Context()
+    rclpy.init(context=context, domain_id=free_domain())
+    node = Counting(context)
+    context.try_shutdown()
+    with pytest.raises(RuntimeError):  # which the program expects once it is to end
+        spin(node)
+    node.destroy_node()
+    gc.collect()
+    assert complaints == []

@@ -87,7 +87,11 @@ def spin(node) -> None:
     """
     from rclpy.executors import SingleThreadedExecutor
 
-    executor = SingleThreadedExecutor(context=node.context)
+    class Executor(SingleThreadedExecutor):
+        # Its __del__ asks for this, also where a signal shut the context down amid its __init__.
+        _sigint_gc = None
+
+    executor = Executor(context=node.context)
     executor.add_node(node)
     while node.context.ok() and not node.finished:
         executor.spin_once()
