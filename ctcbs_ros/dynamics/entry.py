@@ -14,6 +14,7 @@ from ctcbs_ros.dynamics.cable import TOLERANCE, CableState, Drive, drive, simula
 from ctcbs_ros.dynamics.line import Line, line_of
 from ctcbs_ros.dynamics.loads import loads
 from ctcbs_ros.dynamics.manoeuvre import Manoeuvre
+from ctcbs_ros.dynamics.settled import SPAN, approached, oscillates, settled_after
 from ctcbs_ros.dynamics.signal import constant, held, sampled
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability
@@ -26,8 +27,6 @@ _CHUNK, _LEAD = 5, 15
 # Of the tow radius: what is left of the approach to count as settled, how near a steady state is
 # that state, and what is meant by settled to 5 %.
 _LEFT, _NEAR, _WITHIN = 5e-3, 0.03, 0.05
-# Extremes the same, to a part of their range, over three spans of so many orbits: an oscillation.
-_SPAN, _SAME = 10, 0.1
 
 STEADY, PERIODIC, OSCILLATING, UNDECIDED = "steady", "periodic", "oscillating", "undecided"
 
@@ -168,7 +167,7 @@ def _judged(parameters, line: Line, driven, state, manoeuvre, orbits, tolerance,
         outcome, reached = _outcome(circled, np.concatenate(tops)[-(done - before):], known)
     end = np.concatenate(ends)
     settled = outcome in (STEADY, PERIODIC)
-    span = AN_ORBIT if settled else min(3 * _SPAN * AN_ORBIT, len(circled))
+    span = AN_ORBIT if settled else min(3 * SPAN * AN_ORBIT, len(circled))
     radius, depth = np.hypot(*circled[:, :2].T), -circled[:, 2]
     return Entry(
         outcome=outcome,
@@ -202,27 +201,14 @@ def _described(state: SteadyState) -> Known:
 def _outcome(end, top, known):
     """What the orbits so far, AN_ORBIT positions each from the manoeuvre's end, have come to."""
     orbits = end[: len(end) // AN_ORBIT * AN_ORBIT].reshape(-1, AN_ORBIT, 3)
-    changes = np.abs(np.diff(orbits, axis=0)).max(axis=(1, 2))
-    if len(changes) >= 2 and changes[-1] < _LEFT:
-        # Of a geometric approach this is left; where it does not come nearer it never ends.
-        share = changes[-1] / max(changes[-2], 1e-300)
-        if changes[-1] < 0.1 * _LEFT or (share < 1.0 and changes[-1] / (1.0 - share) < _LEFT):
-            near = [k for k in known if _distance(end[-1], top[-1], k) < _NEAR]
-            if not near:
-                return (UNDECIDED, None) if known and changes[-1] > 1e-4 else (PERIODIC, None)
-            if near[0].stable:
-                return STEADY, near[0]
-    spans = len(orbits) // _SPAN
-    if spans >= 3:
-        figures = np.stack([np.hypot(end[:, 0], end[:, 1]), end[:, 2]])
-        late = figures[:, -3 * _SPAN * AN_ORBIT :].reshape(2, 3, -1)
-        low, high = late.min(axis=2), late.max(axis=2)
-        size = (high - low).max(axis=1)
-        if size.max() > 10.0 * _LEFT and np.all(
-            np.maximum(np.ptp(low, axis=1), np.ptp(high, axis=1)) < _SAME * size.max()
-        ):
-            return OSCILLATING, None
-    return UNDECIDED, None
+    if approached(orbits, _LEFT):
+        change = np.abs(orbits[-1] - orbits[-2]).max()
+        near = [k for k in known if _distance(end[-1], top[-1], k) < _NEAR]
+        if not near:
+            return (UNDECIDED, None) if known and change > 1e-4 else (PERIODIC, None)
+        if near[0].stable:
+            return STEADY, near[0]
+    return (OSCILLATING, None) if oscillates(orbits, 10.0 * _LEFT) else (UNDECIDED, None)
 
 
 def _distance(end, top, known):
@@ -235,10 +221,6 @@ def _distance(end, top, known):
 
 def _settling_time(end, last):
     """From when on every orbit is the last one, within what is asked."""
-    step = PERIOD / AN_ORBIT
     count = len(end) // AN_ORBIT * AN_ORBIT
-    orbits = end[-count:].reshape(-1, AN_ORBIT, 3)
-    away = np.linalg.norm(orbits - orbits[-1], axis=2).ravel()
-    outside = np.flatnonzero(away > _WITHIN)
-    late = outside[-1] + 1 if outside.size else 0
-    return float(max(0.0, last - step * (count - 1 - late)))
+    late = settled_after(end[-count:].reshape(-1, AN_ORBIT, 3), _WITHIN)
+    return float(max(0.0, last - PERIOD / AN_ORBIT * (count - 1 - late)))

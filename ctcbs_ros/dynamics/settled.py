@@ -1,4 +1,6 @@
-"""What a motion comes to: the end mass over the last orbit, and the extremes of the whole run."""
+"""What a motion comes to: the end mass over the last orbit, the extremes of the whole run, and
+whether one orbit after another is the same.
+"""
 
 from dataclasses import dataclass
 from math import atan2, pi
@@ -134,3 +136,64 @@ def passage(line: Line, driven: Drive, motion: Motion) -> Passage:
         lowest=float(motion.positions[..., 2].min()),
         slack=float(np.mean((found.tensions == 0.0).any(axis=1))),
     )
+
+
+# Extremes the same, to a part of their range, over three spans of so many orbits: an oscillation.
+SPAN, _SAME = 10, 0.1
+
+
+def approached(orbits, left: float) -> bool:
+    """Whether orbit after orbit comes to the same, up to what is left of the approach.
+
+    Parameters
+    ----------
+    orbits : (k, n, 3) ndarray
+        The end mass at the same n times of k orbits.
+    left : float
+        Greatest distance along an axis that may be left, by the geometric series that the last
+        two changes from orbit to orbit begin.
+    """
+    if len(orbits) < 3:
+        return False
+    last, before = (np.abs(orbits[-k] - orbits[-k - 1]).max() for k in (1, 2))
+    if last >= left:
+        return False
+    # Where it does not come nearer the approach never ends.
+    share = last / max(before, 1e-300)
+    return bool(last < 0.1 * left or (share < 1.0 and last / (1.0 - share) < left))
+
+
+def oscillates(orbits, least: float) -> bool:
+    """Whether it keeps oscillating: the extremes of radius and height stay, its orbits do not.
+
+    Parameters
+    ----------
+    orbits : (k, n, 3) ndarray
+        As in `approached`, about the circle's centre; not approached.
+    least : float
+        Range of radius or height from which on it is an oscillation.
+    """
+    if len(orbits) < 3 * SPAN:
+        return False
+    late = orbits[-3 * SPAN :]
+    figures = np.stack([np.hypot(late[..., 0], late[..., 1]), late[..., 2]]).reshape(2, 3, -1)
+    low, high = figures.min(axis=2), figures.max(axis=2)
+    size = (high - low).max(axis=1)
+    return bool(
+        size.max() > least
+        and np.all(np.maximum(np.ptp(low, axis=1), np.ptp(high, axis=1)) < _SAME * size.max())
+    )
+
+
+def settled_after(orbits, within: float) -> int:
+    """Index, in orbits times n, from which on every orbit is the last one to within a distance.
+
+    Parameters
+    ----------
+    orbits : (k, n, 3) ndarray
+        As in `approached`.
+    within : float
+    """
+    away = np.linalg.norm(orbits - orbits[-1], axis=2).ravel()
+    outside = np.flatnonzero(away > within)
+    return int(outside[-1]) + 1 if outside.size else 0

@@ -1,0 +1,1 @@
+"""The cable in time beside the flight, and what it will settle to."""

@@ -1,0 +1,122 @@
+"""The cable in time, in SI, advanced piece by piece: light enough to go beside the telemetry.
+
+The equations, the integrator and its tolerance are those of `ctcbs_ros.dynamics.cable`; what that
+checks of a whole run is known here.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ctcbs_ros.dynamics.cable import TOLERANCE
+from ctcbs_ros.dynamics.line import Line, line_of
+from ctcbs_ros.kernels import cable_motion
+from ctcbs_ros.scaling import FlightPoint
+from ctcbs_ros.solver.parameters import Parameters
+from ctcbs_ros.twin.tow_point import Pieces
+
+# Errors of tensions, in units of weight and drag, may be so many times larger: as in a whole run.
+_TENSION = 10.0
+# A second takes a hundred; what needs so many is lost.
+_MOST_STEPS = 5000
+# Strain of a cable that is said not to stretch, under all its weight.
+_STIFF = 1e-3
+_NONE = np.empty(0)
+
+
+@dataclass
+class SimulatedCable:
+    """Nodes of a cable, the end mass first and the tow point last; they move in place.
+
+    Attributes
+    ----------
+    positions, velocities : (n + 1, 3) ndarrays
+        [m], [m/s]
+    step : float
+        Time step to go on with [s].
+    """
+
+    positions: np.ndarray
+    velocities: np.ndarray
+    step: float = 0.0
+
+    def copy(self) -> "SimulatedCable":
+        """One that moves on its own."""
+        return SimulatedCable(self.positions.copy(), self.velocities.copy(), self.step)
+
+    def advance(
+        self, line: Line, tow_point: Pieces, wind_before, wind,
+        length_before: float | None = None, seen=None,
+    ) -> bool:  # fmt: skip
+        """Go on along a stretch of the tow point's path.
+
+        Parameters
+        ----------
+        line : Line
+            With the length at the stretch's end.
+        tow_point : Pieces
+        wind_before, wind : (3,) array_like
+            At its beginning and end; straight in between [m/s].
+        length_before : float, optional
+            At its beginning [m].
+        seen : (k, n + 1, 3) ndarray, optional
+            Written: the positions at the k ends of the path's pieces.
+
+        Returns
+        -------
+        bool
+            False where it cannot be followed: the nodes are then of no use.
+        """
+        span = float(tow_point.breaks[-1])
+        before = line.length if length_before is None else length_before
+        drive = (
+            (tow_point.breaks, tow_point.coefficients),
+            _straight(wind_before, wind, span),
+            _straight([before], [line.length], span),
+            _straight(line.end, line.end, span),
+        )
+        fastest = float(np.abs(tow_point.coefficients[1]).sum(axis=1).max())
+        fall = (abs(line.weight_per_length) / line.mass_per_length * line.length) ** 0.5
+        scale_v = max(fastest, fall)
+        scale_t = _TENSION * (
+            line.end_weight + line.end_drag * scale_v**2
+            + abs(line.weight_per_length) * line.length
+        )  # fmt: skip
+        first = self.step if self.step > 0.0 else 1e-3 * line.length / scale_v
+        times = _NONE if seen is None else tow_point.breaks[1:]
+        if seen is None:
+            seen = np.empty((0, *self.positions.shape))
+        status, _, self.step, _, _ = cable_motion.advance(
+            drive, line.packed(), _NONE, TOLERANCE, line.length, scale_v, scale_t, _MOST_STEPS,
+            0.0, span, first, self.positions, self.velocities, times, seen,
+            np.empty_like(seen),
+        )  # fmt: skip
+        return status == cable_motion.OK and self.finite
+
+    @property
+    def finite(self) -> bool:
+        """Whether every number is."""
+        return bool(np.isfinite(self.positions).all() and np.isfinite(self.velocities).all())
+
+
+def elastic(parameters: Parameters) -> Parameters:
+    """Parameters of a cable that stretches: one said not to does by a thousandth."""
+    if parameters.elastic:
+        return parameters
+    load = parameters.end_weight + abs(parameters.density) * parameters.length
+    return replace(parameters, elasticity=load / _STIFF)
+
+
+def line_in_si(point: FlightPoint) -> Line:
+    """The cable and its end mass [m, s, kg]."""
+    parameters = elastic(point.parameters)
+    mass = point.mass_per_length * point.radius
+    return line_of(parameters).scaled(point.radius, 1.0 / point.angular_rate, mass)
+
+
+def _straight(before, after, span):
+    before, after = np.asarray(before, float), np.asarray(after, float)
+    coefficients = np.zeros((4, 1, before.size))
+    coefficients[0, 0] = before
+    coefficients[1, 0] = (after - before) / span
+    return np.array([0.0, span]), coefficients

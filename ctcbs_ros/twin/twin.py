@@ -1,0 +1,352 @@
+"""The twin: the cable in time, flown beside the aircraft by its telemetry. No ROS, no MAVLink.
+
+It begins in the periodic motion of the first orbit, or trailing behind where straight flight comes
+first, and then goes on with every sample along the tow point's smoothed path in the wind believed:
+entries, changes and what is left of them are in it. Where it can no longer be right (a gap, a
+jump, another flight) it begins anew, and says so.
+"""
+
+from collections import Counter
+from math import atan2, exp, inf, isfinite, nan, pi, sqrt
+
+import numpy as np
+
+from ctcbs_ros.atmosphere import GRAVITY
+from ctcbs_ros.configuration import Configuration
+from ctcbs_ros.errors import InputError
+from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.prediction.prediction import Prediction
+from ctcbs_ros.scaling import flight_point
+from ctcbs_ros.telemetry.sample import Sample
+from ctcbs_ros.twin.beginning import behind, on_orbit, settling_time_behind
+from ctcbs_ros.twin.look_ahead import LookAhead, Settling
+from ctcbs_ros.twin.simulated import Loss, Simulated, TwinState
+from ctcbs_ros.twin.simulated_cable import SimulatedCable, line_in_si
+from ctcbs_ros.twin.tow_point import TowPoint
+
+# See docs/twin.md.
+SEGMENTS = 16
+# The look-ahead goes so much faster than the samples.
+SPEED_UP = 20.0
+# A gap is flown through along the orbit for this part of a turn, off any orbit for this time [s].
+_COAST, _COAST_STRAIGHT = 0.5, 3.0
+# A sample is not where the path leads from this distance on [m], [standard deviations], and
+# [the way flown since the sample before].
+_JUMP, _JUMP_SIGMA, _JUMP_PART = 20.0, 8.0, 0.3
+# Straight flight: a velocity that changes by less than this part of it for so long [s], at this
+# part of the envelope's lowest speed at least.
+_STRAIGHT, _STRAIGHT_TIME, _FLYING = 0.15, 5.0, 0.5
+# Time in which a change of the wind believed is taken over by two thirds [s].
+_WIND_TIME = 5.0
+# A wind told for the first time makes a new beginning if it is this part of the tow speed.
+_WIND_FELT = 0.05
+# Change of the length paid out that is reeled in the time to the next sample, over the length.
+_REELED = 0.02
+# Change of air density that makes another line.
+_DENSITY = 1e-3
+_UNKNOWN = 1e6  # variance of the attitude [rad^2]
+
+
+class Twin:
+    """Simulates the end mass beside the telemetry.
+
+    Parameters
+    ----------
+    configuration : Configuration
+    segments : int
+    """
+
+    def __init__(self, configuration: Configuration, segments: int = SEGMENTS):
+        self._configuration = configuration
+        self._segments = segments
+        self._cable_length = configuration.cable.length
+        self._end_mass = configuration.end_mass.mass
+        self._losses: Counter[Loss] = Counter()
+        self._flight: int | None = None
+        self._line = self._line_density = None
+        self._forget()
+
+    def _forget(self) -> None:
+        self._last_time = nan
+        self._tow: TowPoint | None = None
+        self._orbit: Orbit | None = None
+        self._straight_since, self._straight_velocity = nan, np.zeros(2)
+        self._wind = np.zeros(3)
+        self._wind_covariance: np.ndarray | None = None
+        self._stop()
+
+    def _stop(self) -> None:
+        self._cable: SimulatedCable | None = None
+        self._off_wind: list[SimulatedCable] = []
+        self._since, self._valid_from, self._begun_as = nan, inf, ""
+        self._ahead: LookAhead | None = None
+        self._settling: Settling | None = None
+
+    def change(self, cable_length: float | None = None, end_mass: float | None = None) -> None:
+        """Take over what changes in flight: cable paid out [m], end mass [kg].
+
+        Little by little the cable is reeled; by a jump it is another one, to begin with anew.
+        """
+        if cable_length is not None and cable_length != self._cable_length:
+            if abs(cable_length / self._cable_length - 1.0) > _REELED:
+                self._lose(Loss.CABLE_CHANGED)
+            self._cable_length = cable_length
+        if end_mass is not None:
+            self._end_mass = end_mass
+        self._line_density = None
+
+    def update(self, sample: Sample, prediction: Prediction) -> Simulated | None:
+        """Take in a sample with what was predicted of it.
+
+        Parameters
+        ----------
+        sample : Sample
+        prediction : Prediction
+            Of this sample, by the predictor of the same configuration.
+
+        Returns
+        -------
+        Simulated or None
+            None of a sample that was skipped, or has the time of the one before.
+        """
+        if prediction.skip is not None or prediction.tow_point is None:
+            return None
+        if prediction.flight != self._flight or sample.time < self._last_time:
+            self._lose(Loss.NEW_FLIGHT)
+            self._forget()
+            self._flight = prediction.flight
+        elif sample.time == self._last_time:
+            return None
+        before = self._line
+        if self._take_line(sample, prediction):
+            self._follow(sample, prediction, before)
+        self._last_time = sample.time
+        self._orbit = prediction.orbit
+        return self._simulated(sample)
+
+    # --- the tow point and the air --------------------------------------------------------------
+
+    def _follow(self, sample: Sample, prediction: Prediction, before) -> None:
+        receiver = self._configuration.receiver
+        sigmas = (
+            _stated(sample.horizontal_accuracy, receiver.position_sigma),
+            _stated(sample.speed_accuracy, receiver.velocity_sigma),
+        )
+        position, velocity = prediction.tow_point, sample.velocity
+        wind_before = self._wind
+        told = self._take_wind(sample.time, prediction)
+        interval = sample.time - self._last_time
+        orbit = self._orbit if prediction.orbit is not None else None
+        longest = _COAST * 2.0 * pi / orbit.angular_rate if orbit else _COAST_STRAIGHT
+        if self._tow is not None and interval > longest:
+            self._lose(Loss.GAP)
+            self._tow = None
+        if self._tow is None:
+            self._straight_since = nan
+            if velocity is not None:
+                self._tow = TowPoint(position, velocity, *sigmas)
+            return
+        rate = orbit.angular_rate if orbit else 0.0
+        path, missed, sigma = self._tow.add(
+            interval, position, velocity, *sigmas, rate, self._wind if orbit else np.zeros(3)
+        )
+        flown = interval * float(np.linalg.norm(self._tow.velocity))
+        if missed > max(_JUMP, _JUMP_SIGMA * sigma, _JUMP_PART * flown):
+            self._lose(Loss.JUMP)
+            self._tow = None
+            return
+        self._note_straight_flight(sample.time)
+        if self._cable is not None and told and self._felt():
+            self._lose(Loss.WIND_FOUND)
+        if self._cable is None:
+            self._begin(sample.time, prediction)
+            return
+        if not self._advance(path, wind_before, before):
+            self._lose(Loss.NOT_FOLLOWED)
+            return
+        self._look_ahead(interval, sample.time, prediction.orbit)
+
+    def _take_line(self, sample: Sample, prediction: Prediction) -> bool:
+        density = prediction.air_density
+        if not isfinite(density):
+            density = self._configuration.air.density_at(sample.altitude_amsl, sample.air_density)
+        known = self._line_density
+        if known is not None and not abs(density / known - 1.0) > _DENSITY:
+            return True
+        if not isfinite(density):
+            return self._line is not None
+        # Any radius and speed do: the line in SI has none.
+        length = self._cable_length
+        try:
+            self._line = line_in_si(flight_point(
+                self._configuration, length, sqrt(GRAVITY * length), density, length,
+                self._end_mass,
+            ))  # fmt: skip
+        except InputError:
+            return False
+        self._line_density = density
+        return True
+
+    def _take_wind(self, time: float, prediction: Prediction) -> bool:
+        """Take over the wind believed; whether it is the first one."""
+        if prediction.wind is None:
+            return False
+        told = np.append(prediction.wind.velocity, 0.0)
+        first = self._wind_covariance is None
+        self._wind_covariance = prediction.wind.covariance
+        if first or self._cable is None:
+            self._wind = told
+        else:
+            part = 1.0 - exp(-(time - self._last_time) / _WIND_TIME)
+            self._wind = self._wind + part * (told - self._wind)
+        return first
+
+    def _felt(self) -> bool:
+        speed = float(np.linalg.norm(self._tow.velocity))
+        return float(np.linalg.norm(self._wind)) > _WIND_FELT * speed
+
+    def _note_straight_flight(self, time: float) -> None:
+        velocity = self._tow.velocity[:2]
+        speed = float(np.hypot(*velocity))
+        if speed < _FLYING * self._configuration.envelope.speed[0]:
+            self._straight_since = nan
+        elif not (
+            isfinite(self._straight_since)
+            and np.hypot(*(velocity - self._straight_velocity)) < _STRAIGHT * speed
+        ):
+            self._straight_since, self._straight_velocity = time, velocity
+
+    # --- the cable ------------------------------------------------------------------------------
+
+    def _begin(self, time: float, prediction: Prediction) -> None:
+        orbit, tow = prediction.orbit, self._tow
+        if orbit is not None and prediction.end_mass is not None:
+            point = flight_point(
+                self._configuration, orbit.radius, orbit.speed, prediction.air_density,
+                self._cable_length, self._end_mass,
+            )  # fmt: skip
+            state = prediction.end_mass.state
+            begun = on_orbit(orbit, point, state.radius, self._wind[:2], self._segments)
+            if begun is None:
+                return
+            self._cable = begun.cable
+            self._begun_as = "periodic motion" if begun.periodic else "steady state in still air"
+            self._valid_from = time + prediction.end_mass.settling_time
+        elif orbit is None and time - self._straight_since >= _STRAIGHT_TIME:
+            self._cable = behind(
+                self._line, self._segments, tow.position, tow.velocity, self._wind
+            )
+            if self._cable is None:
+                return
+            self._begun_as = "straight flight"
+            self._valid_from = time + settling_time_behind(self._line, self._cable, self._wind)
+        else:
+            return
+        self._since = time
+        self._cable.positions += tow.position - self._cable.positions[-1]
+        if not self._cable.finite:
+            self._lose(Loss.NOT_FOLLOWED)
+
+    def _advance(self, path, wind_before, line_before) -> bool:
+        length = self._cable_length if line_before is None else line_before.length
+        cables = [(self._cable, np.zeros(3))]
+        if self._wind_covariance is None:
+            self._off_wind = []
+        else:
+            if not self._off_wind:
+                self._off_wind = [self._cable.copy() for _ in range(2)]
+            off = np.zeros((2, 3))
+            off[:, :2] = _root(self._wind_covariance).T
+            cables += zip(self._off_wind, off, strict=True)
+        return all(
+            cable.advance(self._line, path, wind_before + off, self._wind + off, length)
+            for cable, off in cables
+        )
+
+    def _look_ahead(self, interval: float, time: float, orbit: Orbit | None) -> None:
+        if orbit is None:
+            self._ahead = self._settling = None
+            return
+        if self._ahead is not None and not self._ahead.is_of(orbit, self._wind):
+            self._ahead = self._settling = None
+        if self._ahead is None:
+            try:
+                self._ahead = LookAhead(time, self._cable, orbit, self._line, self._wind)
+            except InputError:
+                return
+        found = self._ahead.go_on(SPEED_UP * interval)
+        if found is not None:
+            self._settling = found
+        if found is not None or self._ahead.lost:
+            self._ahead = None
+
+    def _lose(self, why: Loss) -> None:
+        if self._cable is not None:
+            self._losses[why] += 1
+        self._stop()
+
+    # --- what is said of it ---------------------------------------------------------------------
+
+    def _simulated(self, sample: Sample) -> Simulated:
+        unknown = np.full(3, nan)
+        cable = self._cable
+        if cable is None:
+            state, position, velocity = TwinState.WAITING, unknown, unknown
+            nodes = np.empty((0, 3))
+        else:
+            ready = sample.time >= self._valid_from
+            state = TwinState.SYNCHRONISED if ready else TwinState.SETTLING
+            position, velocity = cable.positions[0].copy(), cable.velocities[0].copy()
+            nodes = cable.positions.copy()
+        return Simulated(
+            time=sample.time,
+            stamp_ns=sample.stamp_ns,
+            state=state,
+            since=self._since,
+            valid_from=self._valid_from,
+            begun_as=self._begun_as,
+            position=position,
+            velocity=velocity,
+            yaw=atan2(velocity[1], velocity[0]) if cable is not None else nan,
+            covariance=self._covariance(sample),
+            cable=nodes,
+            tow_point=unknown if self._tow is None else self._tow.position,
+            wind=self._wind.copy(),
+            wind_known=self._wind_covariance is not None,
+            settling=self._settling,
+            losses=dict(self._losses),
+        )
+
+    def _covariance(self, sample: Sample) -> np.ndarray:
+        """Of the pose: tow point and wind; see `Simulated`."""
+        covariance = np.diag(np.full(6, _UNKNOWN))
+        if self._cable is None:
+            return covariance
+        receiver = self._configuration.receiver
+        sigma = _stated(sample.horizontal_accuracy, receiver.position_sigma)
+        # What is correlated in time no filter takes out of the positions.
+        tow = self._tow.variances + receiver.correlated_share * sigma**2
+        known = np.zeros((4, 4))
+        known[:3, :3] = np.diag(tow)
+        speed = max(float(np.hypot(*self._cable.velocities[0, :2])), 1e-3)
+        known[3, 3] = (_stated(sample.speed_accuracy, receiver.velocity_sigma) / speed) ** 2
+        here = atan2(self._cable.velocities[0, 1], self._cable.velocities[0, 0])
+        for other in self._off_wind:
+            turned = atan2(other.velocities[0, 1], other.velocities[0, 0]) - here
+            change = np.append(
+                other.positions[0] - self._cable.positions[0], (turned + pi) % (2.0 * pi) - pi
+            )
+            known += np.outer(change, change)
+        covariance[np.ix_([0, 1, 2, 5], [0, 1, 2, 5])] = known
+        return covariance
+
+
+def _stated(sigma: float, otherwise: float) -> float:
+    """A stated standard deviation where there is one that can be used."""
+    return min(sigma, 1e3) if sigma > 0.0 else otherwise
+
+
+def _root(covariance) -> np.ndarray:
+    """Columns whose outer products add up to a covariance, (2, 2)."""
+    values, axes = np.linalg.eigh(covariance)
+    return axes * np.sqrt(np.maximum(values, 0.0))
