@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from ctcbs_ros.configuration import WarningLimits
-from ctcbs_ros.replay.tables import PREDICTIONS, SAMPLES
+from ctcbs_ros.replay.tables import BEACON, PREDICTIONS, SAMPLES
 
 TRACK, MARGIN, END_MASS = "track.png", "margin.png", "end_mass.png"
+MEASURED = "beacon.png"
 MOST_ROWS = 20_000  # drawn of a table; a longer one is thinned
 MOST_ORBITS = 8  # drawn as circles, the longest
 LEAST_GAP = 3.0  # usual steps without a row that interrupt a line
@@ -18,6 +19,7 @@ LEAST_SPAN = 10.0  # m of an axis of heights, so that decimetres do not look lik
 SETTLING = 0.45  # opacity of what is predicted before the end mass has had time to settle
 TICK = 0.004  # part of the flight that a single warning is drawn as, at least
 
+BEACON_COLOR = "tab:green"
 TOW, MASS, OTHER, REST, LIMIT = "tab:blue", "tab:orange", "0.6", "0.75", "tab:red"
 BLAND = ("NOT_ORBITING",)  # a state of the flight rather than a danger
 GRAVE = ("NO_SOLUTION", "JUMPED", "UNSTABLE", "STALE_TELEMETRY", "GROUND_PROXIMITY")
@@ -33,7 +35,8 @@ def write_plots(
     Parameters
     ----------
     folder : Path
-        Where predictions.csv and samples.csv are, and track.png, margin.png and end_mass.png go.
+        Where predictions.csv and samples.csv are, and track.png, margin.png and end_mass.png go;
+        with a beacon.csv also beacon.png.
     orbits : list of dict
         Of the summary.
     limits : WarningLimits
@@ -42,16 +45,22 @@ def write_plots(
         Name of the flight.
     """
     predictions, samples = _read(folder / PREDICTIONS), _read(folder / SAMPLES)
-    for name, figure in (
-        (TRACK, track_figure(predictions, samples, orbits)),
+    beacon = _read(folder / BEACON) if (folder / BEACON).exists() else None
+    figures = [
+        (TRACK, track_figure(predictions, samples, orbits, beacon)),
         (MARGIN, margin_figure(predictions, samples, limits)),
         (END_MASS, end_mass_figure(predictions, samples)),
-    ):
+    ]
+    if beacon is not None:
+        figures.append((MEASURED, beacon_figure(beacon, samples)))
+    for name, figure in figures:
         figure.suptitle(title)
         figure.savefig(folder / name, dpi=120)
 
 
-def track_figure(predictions: Table, samples: Table, orbits: list[dict[str, Any]]):
+def track_figure(
+    predictions: Table, samples: Table, orbits: list[dict[str, Any]], beacon: Table | None = None
+):
     """East and north of tow point and end mass, with the circles of each orbit."""
     longest = sorted(orbits, key=lambda orbit: -orbit["turns"])[:MOST_ORBITS]
     figure = _figure(8.0, 7.4 + 0.2 * (len(longest) + 3) / 2)
@@ -71,6 +80,11 @@ def track_figure(predictions: Table, samples: Table, orbits: list[dict[str, Any]
         east = _column(predictions, f"{name}_east_m")
         north = _column(predictions, f"{name}_north_m")
         axes.plot(*_broken(time, east, north)[1:], color=color, linewidth=1.2, label=label)
+    if beacon is not None:
+        measured = [_column(beacon, f"measured_{axis}_m") for axis in ("east", "north")]
+        axes.plot(
+            *measured, ".", markersize=1.5, color=BEACON_COLOR, label="end mass, by its beacon"
+        )
     for number, orbit in enumerate(orbits, 1):
         during = (time >= orbit["start_s"]) & (time <= orbit["end_s"])
         if orbit in longest and during.any():
@@ -180,6 +194,53 @@ def end_mass_figure(predictions: Table, samples: Table):
             _say_instead(axes, "not known: no height above home or ground")
         if np.isfinite(whole).any():
             axes.set_xlim(np.nanmin(whole), np.nanmax(whole))
+    return figure
+
+
+def beacon_figure(beacon: Table, samples: Table):
+    """Measured minus predicted and minus simulated position against time, in three panels."""
+    figure = _figure(10.0, 7.0)
+    panels = figure.subplots(3, sharex=True)
+    time, outcome = _column(beacon, "time_s"), np.array(beacon["outcome"])
+    for axes, axis, label in zip(
+        panels, ("east", "north", "up"), ("east [m]", "north [m]", "up [m]"), strict=True
+    ):
+        axes.axhline(0.0, color="black", linewidth=0.8)
+        settled = outcome == "settled"
+        off = _column(beacon, f"measured_minus_predicted_{axis}_m")
+        for of, marks, color in (
+            ("settled", settled, MASS),
+            ("still settling, or its wind not modelled", np.isfinite(off) & ~settled, REST),
+        ):
+            if marks.any():
+                axes.plot(
+                    time[marks], off[marks], ".", markersize=3, color=color,
+                    label=f"measured minus predicted, {of}",
+                )  # fmt: skip
+        std = np.where(settled, _column(beacon, f"measured_minus_predicted_{axis}_std_m"), nan)
+        known = np.isfinite(time)
+        moments, band = _broken(time[known], 1.96 * std[known])
+        axes.fill_between(
+            moments, -band, band, color=MASS, alpha=0.2, linewidth=0.0,
+            label="where 95 % of those settled ought to be",
+        )  # fmt: skip
+        simulated = _column(beacon, f"measured_minus_simulated_{axis}_m")
+        if np.isfinite(simulated).any():
+            axes.plot(
+                time, simulated, ".", markersize=2, color=TOW, label="measured minus simulated"
+            )
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.3)
+        if not (np.isfinite(off).any() or np.isfinite(simulated).any()):
+            _say_instead(axes, "no report was compared")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=2, frameon=False, fontsize="small"
+    )
+    whole = _column(samples, "time_s")
+    if np.isfinite(whole).any():
+        panels[-1].set_xlim(np.nanmin(whole), np.nanmax(whole))
+    panels[-1].set_xlabel("time from the first believed sample [s]")
     return figure
 
 

@@ -70,6 +70,8 @@ def ended(node):
         ),
         ({"mavlink.url": "udpin:127.0.0.1:0"}, "the port '0' is not a number from 1"),
         ({"table.file": str(DRONE)}, "small_drone.yaml"),
+        ({"beacon.system_id": 42}, "only with a MAVLink link or log in mavlink.url"),
+        ({"beacon.topic": "mavros/global_position/global"}, "is the tow aircraft's position"),
     ],
 )
 def test_what_cannot_work_is_refused_in_one_line_with_exit_2(tmp_path, parameters, reason):

@@ -39,7 +39,7 @@ def add_parser(subparsers) -> None:
         metavar="R",
         help="speed over the log's own clock; default 0, as fast as it goes",
     )
-    add("--out", metavar="DIR", help="folder for predictions.csv, samples.csv, summary and plots")
+    add("--out", metavar="DIR", help="folder for the tables (CSV), the summary and plots")
     add("--json", action="store_true", help="the summary as JSON on stdout")
     parser.set_defaults(run=run)
 
@@ -53,13 +53,16 @@ def run(args) -> int:
     from ctcbs_ros.replay.text import summary_text
     from ctcbs_ros.replay.through_node import NodeFailure
     from ctcbs_ros.schema import checked_parameters
+    from ctcbs_ros.telemetry.beacon import beacon_wanted
     from ctcbs_ros.telemetry.source import open_log
 
     file = find_configuration(args.config)
     configuration = load_configuration(file)
     parameters = checked_parameters(read_parameter_file(file), str(file))
     wanted = parameters["mavlink.system"] or None, parameters["mavlink.component"] or None
-    log = open_log(args.log, *wanted)  # what is no log is refused before a table is built
+    named = configuration.beacon
+    beacon = beacon_wanted(named.system_id, named.component_id, named.topic)
+    log = open_log(args.log, *wanted, beacon)  # what is no log is refused before a table is built
     table_file = args.table or parameters["table.file"]
 
     # Everything is imported by now: interrupted amid an import, Python may end without its code.
@@ -70,11 +73,11 @@ def run(args) -> int:
     try:
         if args.out:
             with complete_folder(args.out) as folder:
-                summary = _replay_into(folder, replay)
+                summary = _replay_into(folder, replay, beacon is not None)
                 write_plots(folder, summary["orbits"], configuration.limits, Path(args.log).name)
             print(f"Results: {args.out}", file=sys.stderr)
         else:
-            summary = replay(lambda record: None)
+            summary = replay(lambda record: None, lambda record: None)
     except NodeFailure as error:
         print(f"ctcbs: error: {error}", file=sys.stderr)
         return 1
@@ -87,15 +90,22 @@ def run(args) -> int:
 
 def _through_core(args, log, configuration, table_file):
     """A function that replays the log through the core, given what takes its records."""
+    from ctcbs_ros.beacon.comparer import BeaconComparer
     from ctcbs_ros.prediction.predictor import Predictor
     from ctcbs_ros.prediction.warm_up import spare_collector
     from ctcbs_ros.replay.core import replay_through_core
     from ctcbs_ros.table import table_for
 
-    def replay(take):
+    def replay(take, take_comparison):
         predictor = Predictor(configuration, table_for(configuration, table_file))
+        comparer = None
+        if configuration.beacon.present:
+            comparer = BeaconComparer(
+                configuration.beacon, predictor.frame, configuration.cable.length
+            )
         spare_collector()
-        return _timed(partial(replay_through_core, log, predictor, args.rate), take)
+        beside = {"comparer": comparer, "take_comparison": take_comparison}
+        return _timed(partial(replay_through_core, log, predictor, args.rate, **beside), take)
 
     return replay
 
@@ -105,10 +115,12 @@ def _through_node(args, file, configuration, table_file):
     from ctcbs_ros.replay.through_node import replay_through_node, require_ros
     from ctcbs_ros.table import table_for
 
-    def replay(take):
+    def replay(take, take_comparison):
         require_ros()
         table_for(configuration, table_file)  # built here if need be, with a progress bar
-        return _timed(partial(replay_through_node, args.log, file, table_file, args.rate), take)
+        beside = {"take_comparison": take_comparison} if configuration.beacon.present else {}
+        way = partial(replay_through_node, args.log, file, table_file, args.rate, **beside)
+        return _timed(way, take)
 
     return replay
 
@@ -121,13 +133,13 @@ def _timed(replay: Callable, take: Callable):
     return summary | {"wall_s": time.monotonic() - started}
 
 
-def _replay_into(folder: Path, replay):
+def _replay_into(folder: Path, replay, with_beacon: bool):
     """Replay with tables and summary written into a folder."""
     from ctcbs_ros.replay.tables import ReplayTables
 
-    tables = ReplayTables(folder)
+    tables = ReplayTables(folder, with_beacon)
     try:
-        summary = replay(tables.add)
+        summary = replay(tables.add, tables.add_comparison)
     finally:
         tables.close()
     text = json.dumps(finite_or_null(summary), indent=2, allow_nan=False)

@@ -129,17 +129,21 @@ def _status(
     )
     status.values = [
         KeyValue(key=f"warning {w.code.value}", value=w.text) for w in warnings
-    ] + list(_key_values(figures))
+    ] + list(key_values(figures))
     return status
 
 
-def _key_values(figures: Record, prefix: str = "") -> Iterable[KeyValue]:
+def key_values(figures: Record, prefix: str = "") -> Iterable[KeyValue]:
+    """Figures as pairs of texts; those inside of others with the outer name before a point."""
     for key, value in figures.items():
         if isinstance(value, dict):
-            yield from _key_values(value, f"{prefix}{key}.")
+            yield from key_values(value, f"{prefix}{key}.")
         elif isinstance(value, list):
             for number, inner in enumerate(value):
-                yield from _key_values(inner, f"{prefix}{key}[{number}].")
+                if isinstance(inner, dict):
+                    yield from key_values(inner, f"{prefix}{key}[{number}].")
+                else:
+                    yield KeyValue(key=f"{prefix}{key}[{number}]", value=_text(inner))
         else:
             yield KeyValue(key=f"{prefix}{key}", value=_text(value))
 

@@ -7,6 +7,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from ctcbs_ros.nodes.outputs import Outputs
+from ctcbs_ros.telemetry.beacon import BeaconSample
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.source import LogSource
 
@@ -45,7 +46,7 @@ class LogPump:
         outputs: Outputs,
         rate: float,
         wait: float,
-        take: Callable[[Sample], None],
+        take: Callable[[Sample | BeaconSample], None],
         at_end: Callable[[], None],
         when_received: Callable[[], None],
     ):
@@ -55,11 +56,12 @@ class LogPump:
         self._take = take
         self._at_end, self._when_received = at_end, when_received
         self._samples = iter(log)
-        self._next: Sample | None = None
+        self._next: Sample | BeaconSample | None = None
         self._wait_until = time.monotonic() + wait
         self._begun = False
         self._ended = False
-        self._started = 0.0  # time.monotonic() less the log's time over the rate
+        # time.monotonic() less the log's time over the rate, once the aircraft has told the time
+        self._started: float | None = None
         self._last_room = 0.0  # time.monotonic() when a sample was last taken
         self._timer = node.create_timer(
             PERIOD, self._tick, clock=Clock(clock_type=ClockType.STEADY_TIME)
@@ -80,8 +82,14 @@ class LogPump:
         self._begun = True
         self._last_room = time.monotonic()
         self._next = next(self._samples, None)
-        if self._next is not None and self._rate:
-            self._started = time.monotonic() - self._next.time / self._rate
+
+    def _is_early(self, now: float) -> bool:
+        """Whether the next sample is not due yet; a beacon's comes when it is read."""
+        if not self._rate or isinstance(self._next, BeaconSample):
+            return False
+        if self._started is None:
+            self._started = now - self._next.time / self._rate
+        return now < self._started + self._next.time / self._rate
 
     def _pump(self) -> None:
         until = time.monotonic() + CHUNK_TIME
@@ -90,7 +98,7 @@ class LogPump:
                 self._ended = True
                 self._at_end()
                 return
-            if self._rate and now < self._started + self._next.time / self._rate:
+            if self._is_early(now):
                 return
             if not self._outputs.flush():
                 self._report_slow_subscriber(now)

@@ -4,17 +4,30 @@ from math import cos, isfinite, sin
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, PointStamped, PoseWithCovarianceStamped, Quaternion
+from geometry_msgs.msg import (
+    Point,
+    PointStamped,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    Vector3,
+    Vector3Stamped,
+)
 from sensor_msgs.msg import NavSatFix, NavSatStatus
 from std_msgs.msg import Header
 
+from ctcbs_ros.beacon.difference import Difference
 from ctcbs_ros.geodesy import Datum
 from ctcbs_ros.prediction.prediction import Prediction
 
 
 def header(prediction: Prediction, frame_id: str) -> Header:
     """Header with the time of the sample."""
-    sec, nanosec = divmod(prediction.stamp_ns, 1_000_000_000)
+    return stamped(prediction.stamp_ns, frame_id)
+
+
+def stamped(stamp_ns: int, frame_id: str) -> Header:
+    """Header with a time."""
+    sec, nanosec = divmod(stamp_ns, 1_000_000_000)
     return Header(stamp=Time(sec=sec, nanosec=nanosec), frame_id=frame_id)
 
 
@@ -65,6 +78,12 @@ def datum_fix(datum: Datum, prediction: Prediction, frame_id: str) -> NavSatFix:
     )
     message.status.status = NavSatStatus.STATUS_FIX
     return message
+
+
+def difference(found: Difference, stamp_ns: int, frame_id: str) -> Vector3Stamped:
+    """Measured minus another position: a free vector, which tf turns and never moves."""
+    x, y, z = found.enu.tolist()
+    return Vector3Stamped(header=stamped(stamp_ns, frame_id), vector=Vector3(x=x, y=y, z=z))
 
 
 def point(position: np.ndarray) -> Point:

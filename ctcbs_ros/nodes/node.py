@@ -20,6 +20,7 @@ from sensor_msgs.msg import NavSatFix
 
 from ctcbs_ros.configuration import Configuration, configuration_from_mapping
 from ctcbs_ros.errors import InputError
+from ctcbs_ros.nodes.beacon import NodeBeacon
 from ctcbs_ros.nodes.diagnostics import Monitor
 from ctcbs_ros.nodes.journal import Journal
 from ctcbs_ros.nodes.log_pump import LogPump
@@ -30,9 +31,10 @@ from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import Record, altitude_reference
 from ctcbs_ros.prediction.warm_up import spare_collector, warm_up
-from ctcbs_ros.replay.summary import Summary, source_counts
+from ctcbs_ros.replay.summary import Summary, beacon_counts, beacon_link, source_counts
 from ctcbs_ros.schema import BY_KEY, why_unknown
 from ctcbs_ros.table import table_for
+from ctcbs_ros.telemetry.beacon import BeaconSample, BeaconWanted, beacon_wanted
 from ctcbs_ros.telemetry.link import Vehicle
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.mavlink import open_link
@@ -76,13 +78,14 @@ class PredictorNode(Node):
         self._log_summary: Summary | None = None
         self._live: LiveSource | None = None
         self._vehicle: Vehicle | None = None
+        self._beacon_vehicle: Vehicle | None = None
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
 
         url = self._values["mavlink.url"]
         topics = (self.resolve_topic_name(name) for name in (FIX, ODOM, POSE))
         self._source_name = url or f"topics {', '.join(topics)}"
         if _names_log(url):
-            self._log = open_log(url, *self._vehicle_wanted())
+            self._log = open_log(url, *self._vehicle_wanted(), self._beacon_wanted(url))
         elif url:
             self._live = open_link(
                 url,
@@ -90,7 +93,10 @@ class PredictorNode(Node):
                 *self._vehicle_wanted(),
                 heartbeat=self._values["mavlink.heartbeat"],
                 request_rate=self._values["mavlink.request_rate"],
+                beacon=self._beacon_wanted(url),
             )
+        else:
+            self._refuse_beacon_of_topics()
 
         self.get_logger().info("loading the table, or building it where there is none yet")
         table = table_for(configuration, self._values["table.file"], sys.stderr.isatty())
@@ -101,7 +107,11 @@ class PredictorNode(Node):
             self._values["frame_id"],
             with_cable=self._values["publish_cable"],
             complete=self._log is not None,
+            with_beacon=configuration.beacon.present,
         )
+        self._beacon: NodeBeacon | None = None
+        if configuration.beacon.present:
+            self._beacon = NodeBeacon(configuration, self._predictor, self._outputs)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._change)
@@ -135,6 +145,14 @@ class PredictorNode(Node):
             self.create_timer(POLL_PERIOD, self._poll, clock=self._steady)
         else:
             self._subscribe(TopicSamples())
+        topic = self._values["beacon.topic"]
+        if topic and self._log is None:
+            self.create_subscription(
+                NavSatFix, topic, self._take_beacon_fix, qos_profile_sensor_data
+            )
+
+    def _take_beacon_fix(self, message: NavSatFix) -> None:
+        self._beacon.take_fix(message, self.get_clock().now().nanoseconds / 1e9)
 
     def _subscribe(self, samples: TopicSamples) -> None:
         def hear(handler, message) -> None:
@@ -167,9 +185,18 @@ class PredictorNode(Node):
             self.get_logger().info(
                 f"following {vehicle.type}, system {vehicle.system}, component {vehicle.component}"
             )
+        beacon = (self._log or self._live).beacon
+        if beacon is not None and self._beacon_vehicle is None:
+            self._beacon_vehicle = beacon
+            self.get_logger().info(
+                f"beacon: system {beacon.system}, component {beacon.component}"
+            )
 
-    def _take(self, sample: Sample | None) -> None:
+    def _take(self, sample: Sample | BeaconSample | None) -> None:
         if sample is None:
+            return
+        if isinstance(sample, BeaconSample):
+            self._beacon.take(sample)
             return
         self._last_sample_at = self.get_clock().now()
         prediction = self._predictor.update(sample)
@@ -183,10 +210,17 @@ class PredictorNode(Node):
             self._outputs.publish_record(prediction, log_progress=self._log.progress)
         elif self._outputs.record_awaited:
             self._outputs.publish_record(prediction)
+        if self._beacon is not None:
+            received = self._last_sample_at.nanoseconds / 1e9
+            self._beacon.hear(sample, received, prediction)
 
     def _end_log(self) -> None:
+        if self._beacon is not None:
+            self._beacon.finish()
         self._diagnose()
+        tally = self._beacon and self._beacon.tally
         summary = self._log_summary.finish() | source_counts(self._log)
+        summary |= beacon_counts(self._log, tally)
         self._outputs.publish_summary(summary)
         self.get_logger().info(
             f"end of the log: {summary['predictions']} predictions from "
@@ -208,6 +242,9 @@ class PredictorNode(Node):
         array = DiagnosticArray()
         array.header.stamp = self.get_clock().now().to_msg()
         array.status = self._monitor.report(silence, self._source_figures())
+        if self._beacon is not None:
+            stale_after = self._values["limits.stale_after"] if self._log is None else None
+            array.status.append(self._beacon.status(stale_after, self._beacon_figures()))
         for status in array.status:
             status.name = f"{self.get_name()}: {status.name}"
             status.hardware_id = self._source_name
@@ -260,6 +297,12 @@ class PredictorNode(Node):
             figures |= {f"rate of {name}": told for name, told in self._live.answers.items()}
         return figures
 
+    def _beacon_figures(self) -> Record:
+        source = self._log or self._live
+        if source is None or source.beacon_link is None:
+            return {"source": self.resolve_topic_name(self._values["beacon.topic"])}
+        return {"source": f"system {self._values['beacon.system_id']}"} | beacon_link(source)
+
     # --- parameters -----------------------------------------------------------------------------
 
     def _configuration(self, values: dict[str, Any]) -> Configuration:
@@ -269,6 +312,26 @@ class PredictorNode(Node):
 
     def _vehicle_wanted(self) -> tuple[int | None, int | None]:
         return self._values["mavlink.system"] or None, self._values["mavlink.component"] or None
+
+    def _beacon_wanted(self, url: str) -> BeaconWanted | None:
+        """Whom to part from the aircraft on a link or in a log; a topic is none of a link's."""
+        names = ("beacon.system_id", "beacon.component_id", "beacon.topic")
+        system, component, topic = (self._values[name] for name in names)
+        return beacon_wanted(system, component, topic if _names_log(url) else "")
+
+    def _refuse_beacon_of_topics(self) -> None:
+        """Refuse a beacon that topics cannot have."""
+        source = f"parameters of {self.get_fully_qualified_name()}"
+        system, topic = self._values["beacon.system_id"], self._values["beacon.topic"]
+        if system:
+            raise InputError(
+                f"{source}: beacon.system_id = {system}: only with a MAVLink link or log in "
+                "mavlink.url; use beacon.topic"
+            )
+        if topic and self.resolve_topic_name(topic) == self.resolve_topic_name(FIX):
+            raise InputError(
+                f"{source}: beacon.topic = {topic!r}: is the tow aircraft's position"
+            )
 
     def _changed(self, parameters: list[Parameter]) -> dict[str, Any]:
         return self._values | {p.name: p.value for p in parameters if p.name in BY_KEY}
@@ -317,6 +380,8 @@ class PredictorNode(Node):
             end_mass=configuration.end_mass.mass,
             limits=configuration.limits,
         )
+        if self._beacon is not None:
+            self._beacon.change(configuration.cable.length)
 
 
 def _names_log(url: str) -> bool:

@@ -4,7 +4,7 @@ import json
 from collections import deque
 from math import ceil
 
-from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped
+from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile
@@ -12,6 +12,8 @@ from sensor_msgs.msg import NavSatFix
 from std_msgs.msg import Float64, String
 from visualization_msgs.msg import Marker, MarkerArray
 
+from ctcbs_ros.beacon.comparison import Comparison
+from ctcbs_ros.beacon.record import comparison_record
 from ctcbs_ros.geodesy import Datum
 from ctcbs_ros.nodes import messages
 from ctcbs_ros.nodes.markers import Name, cable_markers, deletions
@@ -74,9 +76,14 @@ class Outputs:
         Whether markers are published.
     complete : bool
         Whether every prediction is to be received by every reliable subscriber, however slow.
+    with_beacon : bool
+        Whether the payload has a beacon.
     """
 
-    def __init__(self, node: Node, frame_id: str, with_cable: bool, complete: bool):
+    def __init__(
+        self, node: Node, frame_id: str, with_cable: bool, complete: bool,
+        with_beacon: bool = False,
+    ):  # fmt: skip
         self._frame_id = frame_id
         self._with_cable = with_cable
         self._shown: set[Name] = set()  # markers that stand
@@ -96,6 +103,12 @@ class Outputs:
             self._pose, self._fix, self._center, self._margin, self._jump_margin, self._cable,
             self._record, self._datum_fix, self._summary,
         )  # fmt: skip
+        if with_beacon:
+            what = "~/end_mass/measured_minus_"
+            self._off_prediction = Output(node, Vector3Stamped, f"{what}predicted", qos)
+            self._off_simulation = Output(node, Vector3Stamped, f"{what}simulated", qos)
+            self._comparison = Output(node, String, "~/beacon", qos)
+            self._all += (self._off_prediction, self._off_simulation, self._comparison)
 
     @property
     def awaited(self) -> bool:
@@ -138,6 +151,19 @@ class Outputs:
         """Publish the record of a prediction, valid or not, as JSON."""
         record = prediction_record(prediction) | extra
         self._record.publish(String(data=json.dumps(record, allow_nan=False)))
+
+    def publish_comparison(self, comparison: Comparison) -> None:
+        """Publish what a report of the beacon came to: differences only where they are errors."""
+        for found, output in (
+            (comparison.predicted if comparison.settled else None, self._off_prediction),
+            (comparison.simulated, self._off_simulation),
+        ):
+            if found is not None:
+                output.publish(
+                    messages.difference(found, comparison.stamp_ns, self._frame_id)
+                )
+        record = comparison_record(comparison)
+        self._comparison.publish(String(data=json.dumps(record, allow_nan=False)))
 
     def publish_summary(self, summary: dict) -> None:
         """Publish the summary of a log, for whoever subscribes now or later."""

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from math import isfinite, nan
 from typing import Any
 
+from ctcbs_ros.beacon.tally import BeaconTally
 from ctcbs_ros.geodesy import to_geodetic
 from ctcbs_ros.orbit.segments import OrbitSegment, OrbitSegments
 from ctcbs_ros.orbit.wind import WindSource
@@ -146,3 +147,25 @@ def source_counts(source: LogSource | LiveSource) -> dict[str, Any]:
             "time_steps": dict(link.time_steps),
         },
     }
+
+
+def beacon_counts(source: LogSource | LiveSource, tally: BeaconTally | None) -> dict[str, Any]:
+    """What the payload's beacon came to, under "beacon": None where there is none.
+
+    Returns
+    -------
+    dict
+        "vehicle" (None of a topic), "link" (None of a topic), and `BeaconTally.as_dict`.
+    """
+    if tally is None:
+        return {"beacon": None}
+    return {"beacon": beacon_link(source) | tally.as_dict()}
+
+
+def beacon_link(source: LogSource | LiveSource) -> dict[str, Any]:
+    """What a source says about the beacon itself: its MAVLink system, and its clock."""
+    vehicle, link = source.beacon, source.beacon_link
+    if link is None:
+        return {"vehicle": None, "link": None}
+    counts = {"other_positions": link.other_positions, "time_steps": dict(link.time_steps)}
+    return {"vehicle": vehicle and asdict(vehicle), "link": counts}

@@ -1,10 +1,11 @@
-"""The tables of a replay, as CSV: one row a valid prediction, and one row a sample."""
+"""The tables of a replay, as CSV: a row a valid prediction, a sample, a report of the beacon."""
 
 import csv
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, TextIO
 
+from ctcbs_ros.beacon.record import MEASURED, names
 from ctcbs_ros.prediction.record import Record
 
 TIME = ("time_s", "vehicle_time_s", "stamp_ns", "flight")
@@ -81,26 +82,35 @@ PREDICTION_COLUMNS = (
 # samples.csv
 SAMPLE_COLUMNS = (*TIME, "skip", "valid", *TOW_POINT, "warnings")
 
-PREDICTIONS, SAMPLES = "predictions.csv", "samples.csv"
+# beacon.csv
+BEACON_COLUMNS = (
+    *TIME, "outcome", "time_by", "time_std_s", *MEASURED, *names("predicted"),
+    *names("simulated"),
+)  # fmt: skip
+
+PREDICTIONS, SAMPLES, BEACON = "predictions.csv", "samples.csv", "beacon.csv"
 
 
 class ReplayTables:
-    """Writes both tables into a folder, record by record.
+    """Writes the tables into a folder, record by record; that of the beacon where there is one.
 
     `time_s` counts from the first sample that was believed and is empty before it; what is
     infinite or not known is empty too. Several warnings in a cell stand apart by semicolons.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, with_beacon: bool = False):
         self._files: list[TextIO] = []
         self._predictions = self._writer(folder / PREDICTIONS, PREDICTION_COLUMNS)
         self._samples = self._writer(folder / SAMPLES, SAMPLE_COLUMNS)
+        self._beacon = self._writer(folder / BEACON, BEACON_COLUMNS) if with_beacon else None
         self._first_time: float | None = None
+        self._timeless: list[Record] = []  # of the beacon, before the first time is known
 
     def add(self, record: Record) -> None:
         """Write the rows of one record."""
         if self._first_time is None and record["skip"] is None:
             self._first_time = record["vehicle_time_s"]
+            self._write_timeless()
         row = record | {
             "time_s": self._since_first(record["vehicle_time_s"]),
             # Radius and speed can both be outside the envelope: one code, once.
@@ -111,8 +121,21 @@ class ReplayTables:
             radii = (other["end_mass_radius_m"] for other in record["other_solutions"])
             self._predictions.writerow(row | {"other_end_mass_radii_m": _joined(radii)})
 
+    def add_comparison(self, record: Record) -> None:
+        """Write the row of one report of the beacon."""
+        self._timeless.append(record)
+        if self._first_time is not None:
+            self._write_timeless()
+
+    def _write_timeless(self) -> None:
+        for record in self._timeless:
+            time = self._since_first(record["vehicle_time_s"])
+            self._beacon.writerow(record | {"time_s": time})
+        self._timeless.clear()
+
     def close(self) -> None:
         """Finish the files."""
+        self._write_timeless()
         for file in self._files:
             file.close()
 

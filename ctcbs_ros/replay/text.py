@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
+from ctcbs_ros.beacon.comparison import Standing, Unmatched
 from ctcbs_ros.orbit.segments import LEAST_TURNS
 from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.telemetry.skip_code import SkipCode
@@ -33,6 +34,19 @@ WARNINGS = {
     WarningCode.TENSION_LIMIT: "tension above the allowed share of the breaking tension",
     WarningCode.GROUND_PROXIMITY: "the end mass is below the least height allowed",
     WarningCode.WIND_UNMODELLED: "the prediction is for still air",
+}
+UNMATCHED = {
+    Unmatched.NO_COMMON_TIME: "nothing ties its clock to the aircraft's yet",
+    Unmatched.NO_COMMON_HEIGHT: "no position with a height of the aircraft's kind",
+    Unmatched.NO_AIRCRAFT: "no positions of the aircraft before and after it within 2 s",
+    Unmatched.LATE: "it came more than 10 s late",
+    Unmatched.OUT_OF_REACH: "farther from the aircraft than the cable is long",
+    Unmatched.NO_PREDICTION: "nothing was predicted then",
+}
+STANDINGS = {
+    Standing.SETTLED: "predicted, settled",
+    Standing.SETTLING: "predicted, still settling",
+    Standing.UNMODELLED: "predicted, wind not modelled",
 }
 SENSES = {"cw": "clockwise", "ccw": "anticlockwise"}
 
@@ -67,6 +81,8 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
         summary["skipped"],
         {code.value: text for code, text in SKIPS.items()},
     )
+    if summary.get("beacon"):
+        yield from _beacon_lines(summary["beacon"])
 
 
 def _link_lines(summary: dict[str, Any]) -> Iterator[str]:
@@ -146,6 +162,43 @@ def _orbits(numbers: list[int]) -> str:
 
 def _number(value: float | None, width: int, decimals: int) -> str:
     return f"{value:{width}.{decimals}f}" if value is not None else f"{'none':>{width}}"
+
+
+def _beacon_lines(beacon: dict[str, Any]) -> Iterator[str]:
+    vehicle, tied = beacon["vehicle"], ", ".join(beacon["times_by"])
+    name = f" (system {vehicle['system']}, component {vehicle['component']})" if vehicle else ""
+    skipped, apart = sum(beacon["skipped"].values()), sum(beacon["not_compared"].values())
+    yield ""
+    yield (
+        f"Beacon of the payload{name}: {_counted(beacon['reports'], 'report')}, {skipped} of them "
+        f"skipped, {apart} not compared" + (f"; its clock is tied by {tied}" if tied else "")
+    )
+    figures = {
+        text: beacon["measured_minus_predicted"][standing.value]
+        for standing, text in STANDINGS.items()
+    } | {"simulated": beacon["measured_minus_simulated"]}
+    figures = {text: found for text, found in figures.items() if found["count"]}
+    if figures:
+        yield (
+            "Measured minus                         mean m               rms m   95 % within m"
+            "   in stated"
+        )
+        yield (
+            "                            count   east   north      up  horiz.    up  horiz.    up"
+            "   95 %"
+        )
+    for text, found in figures.items():
+        mean = "".join(f"{value:8.2f}" for value in found["mean_m"])
+        yield (
+            f"  {text:26}{found['count']:5}{mean}{found['rms_horizontal_m']:8.2f}"
+            f"{found['rms_up_m']:6.2f}{found['horizontal_95_m']:8.2f}{found['vertical_95_m']:6.2f}"
+            f"{100 * found['share_inside_95']:7.1f} %"
+        )
+    if beacon["measured_minus_predicted"][Standing.SETTLED.value]["count"]:
+        yield "What is settled is the prediction's error, with the beacon's own; the rest is not."
+    texts = {code.value: text for code, text in (SKIPS | UNMATCHED).items()}
+    counts = beacon["skipped"] | beacon["not_compared"]
+    yield from _count_lines("Reports of the beacon not compared", counts, texts)
 
 
 def _count_lines(title: str, counts: dict[str, int], texts: dict[str, str]) -> Iterator[str]:

@@ -44,6 +44,7 @@ def replay_through_node(
     table: str,
     rate: float,
     take: Callable[[Record, float], None],
+    take_comparison: Callable[[Record], None] | None = None,
 ) -> dict[str, Any]:
     """Replay a log through the node.
 
@@ -58,6 +59,8 @@ def replay_through_node(
     take : callable
         Called with the record of each sample's prediction, the end mass's position as in the pose
         published, and the part of the log read (0 to 1).
+    take_comparison : callable, optional
+        Called with the record of each report of the beacon, where the configuration has one.
 
     Returns
     -------
@@ -96,7 +99,7 @@ def replay_through_node(
         )
         receiver = None
         try:
-            receiver = _Receiver(context, f"{namespace}/{NODE}", take)
+            receiver = _Receiver(context, f"{namespace}/{NODE}", take, take_comparison)
             return receiver.receive(lambda: _is_ready(process, output))
         finally:
             if receiver is not None:
@@ -184,7 +187,10 @@ def _is_ready(process: subprocess.Popen, output) -> bool:
 class _Receiver:
     """Subscriber to a node that replays a log; brings its records and poses together."""
 
-    def __init__(self, context, node_name: str, take: Callable[[Record, float], None]):
+    def __init__(
+        self, context, node_name: str, take: Callable[[Record, float], None],
+        take_comparison: Callable[[Record], None] | None,
+    ):  # fmt: skip
         from geometry_msgs.msg import PoseWithCovarianceStamped
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.node import Node
@@ -192,6 +198,8 @@ class _Receiver:
         from std_msgs.msg import String
 
         self._take = take
+        self._take_comparison = take_comparison
+        self._compared = 0
         self._summary: dict[str, Any] | None = None
         self._taken = 0
         self._records: deque[Record] = deque()
@@ -203,6 +211,10 @@ class _Receiver:
         # The pose last: the node starts when it sees this one.
         node.create_subscription(String, f"{node_name}/summary", self._add_summary, latched)
         node.create_subscription(String, f"{node_name}/prediction", self._add_record, everything)
+        if take_comparison is not None:
+            node.create_subscription(
+                String, f"{node_name}/beacon", self._add_comparison, everything
+            )
         node.create_subscription(
             PoseWithCovarianceStamped, f"{node_name}/end_mass/pose", self._add_pose, everything
         )
@@ -238,7 +250,11 @@ class _Receiver:
 
     @property
     def _complete(self) -> bool:
-        return self._summary is not None and self._taken == self._summary["samples"]
+        if self._summary is None or self._taken < self._summary["samples"]:
+            return False
+        return self._take_comparison is None or (
+            self._compared == self._summary["beacon"]["reports"]
+        )
 
     def _add_summary(self, message) -> None:
         self._messages += 1
@@ -248,6 +264,11 @@ class _Receiver:
         self._messages += 1
         self._records.append(json.loads(message.data))
         self._take_matched()
+
+    def _add_comparison(self, message) -> None:
+        self._messages += 1
+        self._compared += 1
+        self._take_comparison(json.loads(message.data))
 
     def _add_pose(self, message) -> None:
         self._messages += 1

@@ -1,0 +1,116 @@
+"""The payload's beacon in the node: its reports compared, published, counted and told of."""
+
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from ctcbs_ros.beacon.comparer import BeaconComparer
+from ctcbs_ros.beacon.comparison import Comparison, Standing, Unmatched
+from ctcbs_ros.beacon.record import comparison_record
+from ctcbs_ros.beacon.tally import BeaconTally
+from ctcbs_ros.configuration import Configuration
+from ctcbs_ros.nodes.diagnostics import key_values
+from ctcbs_ros.nodes.outputs import Outputs
+from ctcbs_ros.prediction.prediction import Prediction
+from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.replay.text import SKIPS, UNMATCHED
+from ctcbs_ros.telemetry.beacon import STAMPS, BeaconSample, CommonTime, stamp_offset
+from ctcbs_ros.telemetry.sample import Sample
+from ctcbs_ros.telemetry.topics import TopicSamples
+
+# Standard deviations off that chance leaves one in a thousand.
+UNEXPLAINED = 4.0
+
+
+class NodeBeacon:
+    """Takes in the reports of the beacon beside the aircraft's predictions.
+
+    Parameters
+    ----------
+    configuration : Configuration
+    predictor : Predictor
+        The one whose predictions are heard.
+    outputs : Outputs
+
+    Attributes
+    ----------
+    tally : BeaconTally
+    """
+
+    def __init__(self, configuration: Configuration, predictor: Predictor, outputs: Outputs):
+        self.tally = BeaconTally()
+        self._comparer = BeaconComparer(
+            configuration.beacon, predictor.frame, configuration.cable.length
+        )
+        self._outputs = outputs
+        self._samples, self._time = TopicSamples(), CommonTime(STAMPS)
+        self._heard: float | None = None  # time.monotonic() at the newest report
+        self._newest: Comparison | None = None
+
+    def change(self, cable_length: float) -> None:
+        """Take over the cable paid out [m]."""
+        self._comparer.change(cable_length)
+
+    def take(self, report: BeaconSample) -> None:
+        """Take in a report of the beacon."""
+        self._heard = time.monotonic()
+        self._publish(self._comparer.add(report))
+
+    def take_fix(self, message: Any, received: float) -> None:
+        """Take in a report by topic (NavSatFix), received at that time of the node's clock [s]."""
+        sample = self._samples.fix(message, round(received * 1e6))
+        self.take(self._time.tie(sample, received, stamp_offset(sample)))
+
+    def hear(self, sample: Sample, received: float, prediction: Prediction) -> None:
+        """Take in a sample of the aircraft, when it was received [s], and what it predicts."""
+        self._time.hear_aircraft(sample, received, stamp_offset(sample))
+        self._publish(self._comparer.hear(prediction))
+
+    def finish(self) -> None:
+        """No more is coming: tell of what still waits."""
+        self._publish(self._comparer.finish())
+
+    def _publish(self, comparisons: list[Comparison]) -> None:
+        for comparison in comparisons:
+            self.tally.add(comparison)
+            self._newest = comparison
+            self._outputs.publish_comparison(comparison)
+
+    def status(self, stale_after: float | None, figures: dict[str, Any]) -> DiagnosticStatus:
+        """Status of the beacon.
+
+        Parameters
+        ----------
+        stale_after : float or None
+            Time without a report after which it counts as silent [s]; None for a log.
+        figures : dict
+            What is known about the source.
+        """
+        level, text = self._state(stale_after)
+        status = DiagnosticStatus(level=level, name="beacon", message=text)
+        newest = self.tally.newest
+        record = {} if newest is None else comparison_record(newest)
+        status.values = list(key_values(figures | self.tally.as_dict() | {"newest": record}))
+        return status
+
+    def _state(self, stale_after: float | None) -> tuple[bytes, str]:
+        if self._heard is None:
+            return DiagnosticStatus.WARN, "no report yet"
+        silent = time.monotonic() - self._heard
+        if stale_after is not None and silent > stale_after:
+            return DiagnosticStatus.WARN, f"no report for {silent:.1f} s"
+        if self._newest is None:
+            return DiagnosticStatus.OK, "reports come in"
+        outcome, found = self._newest.outcome, self._newest.predicted
+        if found is None:
+            level = DiagnosticStatus.OK
+            if outcome not in (Unmatched.NO_PREDICTION, Unmatched.NO_AIRCRAFT):
+                level = DiagnosticStatus.WARN
+            return level, f"not compared: {outcome.value}: {(SKIPS | UNMATCHED)[outcome]}"
+        text = (
+            f"{found.horizontal:.1f} m beside and {found.enu[2]:+.1f} m above the prediction, "
+            f"{found.distance:.1f} standard deviations ({outcome.value})"
+        )
+        off = outcome is Standing.SETTLED and found.distance > UNEXPLAINED
+        return (DiagnosticStatus.WARN if off else DiagnosticStatus.OK), text
