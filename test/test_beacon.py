@@ -1,12 +1,15 @@
 """Measured minus predicted position of a payload with a beacon, held against known truths."""
 
+import csv
+import json
+import re
 from dataclasses import replace
 from math import nan
 
 import faults_log
 import numpy as np
 import pytest
-from beacon_flight import OFFSET, SYSTEM, TURN, errors, fly
+from beacon_flight import DRONE, OFFSET, SYSTEM, TURN, errors, fly
 from pymavlink.dialects.v20 import all as dialect
 from scipy.stats import chi2
 
@@ -15,6 +18,8 @@ from ctcbs_ros.beacon.difference import REGION_95, difference
 from ctcbs_ros.beacon.motion import LONGEST_GAP, Motion, Place
 from ctcbs_ros.beacon.record import comparison_record
 from ctcbs_ros.beacon.statistics import DifferenceStatistics
+from ctcbs_ros.cli.main import main
+from ctcbs_ros.replay.text import STANDINGS, UNMATCHED
 from ctcbs_ros.telemetry.beacon import BeaconWanted
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
@@ -28,10 +33,10 @@ LATER = 0.02  # s by which the beacon's messages take longer than the aircraft's
 
 @pytest.fixture(scope="module")
 def table(drone_table):
+    from beacon_flight import STILL
+
     from ctcbs_ros.configuration import load_configuration
     from ctcbs_ros.table.storage import load_table
-
-    from beacon_flight import DRONE, STILL  # isort: skip
 
     return load_table(drone_table, load_configuration(DRONE, STILL))
 
@@ -105,6 +110,40 @@ def test_the_prediction_is_taken_at_the_time_of_the_report(flight):
     times = {round(p.time, 3) for p in flight.predictions}
     assert all(round(one.time, 3) not in times for one in found if one.time == one.time)
     assert moving.stamp_ns / 1e9 % 0.2 == pytest.approx(0.07, abs=1e-3)
+
+
+def test_a_replay_writes_sums_up_and_draws_what_the_beacon_measured(
+    flight, drone_table, tmp_path, capsys
+):
+    text = DRONE.read_text().replace("system_id: 0", f"system_id: {SYSTEM}")
+    text = text.replace("speed: .nan", "speed: 0.0").replace("direction: .nan", "direction: 0.0")
+    (tmp_path / "drone.yaml").write_text(text.replace("accuracy: 2.0", "accuracy: 0.2"))
+    out = tmp_path / "out"
+    assert main([
+        "replay", str(flight.folder / "flight.tlog"), "--config", str(tmp_path / "drone.yaml"),
+        "--table", str(drone_table), "--out", str(out),
+    ]) == 0  # fmt: skip
+    _, tally = flight.compared()
+    summary = json.loads((out / "summary.json").read_text())["beacon"]
+    assert summary["reports"] == tally.reports
+    assert summary["measured_minus_predicted"] == tally.as_dict()["measured_minus_predicted"]
+    with open(out / "beacon.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == tally.reports
+    settled = [row for row in rows if row["outcome"] == "settled"]
+    east = np.mean([float(row["measured_minus_predicted_east_m"]) for row in settled])
+    assert east == pytest.approx(summary["measured_minus_predicted"]["settled"]["mean_m"][0])
+    assert float(settled[-1]["time_s"]) == pytest.approx(len(rows) / 5, abs=20)
+    printed = capsys.readouterr().out
+    assert f"Beacon of the payload (system {SYSTEM}, component 1): {len(rows)} reports" in printed
+    assert re.search(rf"predicted, settled +{len(settled)} +\d", printed)
+    assert "NO_PREDICTION" in printed
+    assert (out / "beacon.png").stat().st_size > 10_000
+
+
+def test_every_reason_and_standing_is_told_in_words():
+    assert set(UNMATCHED) == set(Unmatched)
+    assert set(STANDINGS) == set(Standing)
 
 
 # --- clocks -------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
+import yaml
 
 pytest.importorskip("rclpy", reason="needs ROS 2 (rclpy)")
 
@@ -125,6 +126,20 @@ def test_a_topic_is_held_against_the_prediction_and_published_once_settled(tmp_p
                 )
         assert {r["time_by"] for r in found[1:]} == {"header stamps"}
         assert "standard deviations (settled)" in beacon_status(told[-1])["message"]
+
+        # the examples are such messages
+        shown = example("beacon")
+        assert set(json.loads(shown["data"])) == set(found[-1])
+        assert json.loads(shown["data"])["outcome"] == "settled"
+        shown = example("measured_minus_predicted")
+        assert set(shown) == {"header", "vector"} == set(off[-1].get_fields_and_field_types())
+        assert shown["header"]["frame_id"] == off[-1].header.frame_id == "map"
+        assert set(shown["vector"]) == set("xyz")
+
+
+def example(name):
+    file = DRONE.parents[1] / "msg_examples" / f"{name}.yaml"
+    return yaml.safe_load(file.read_text())
 
 
 AXES = ("east", "north", "up")

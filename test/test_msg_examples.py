@@ -58,6 +58,8 @@ OUTPUTS = {
     "diagnostics": ("/diagnostics", DiagnosticArray, 10),
 }
 
+OF_BEACON = {"beacon", "measured_minus_predicted"}  # see test_beacon_node.py
+
 UNCERTAINTY = (
     "_std_m", "_std_m_s", "rms_residual_m", "climb_rate_m_s", "arc_rad", "samples", "residual",
 )  # fmt: skip
@@ -214,7 +216,7 @@ def test_input_example_is_the_last_message_of_the_flight(name):
 
 def test_there_is_an_example_of_each_topic():
     examples = {path.stem for path in EXAMPLES.glob("*.yaml")}
-    assert examples == {*INPUTS, *LOCAL_INPUTS, *OUTPUTS, "summary"}
+    assert examples == {*INPUTS, *LOCAL_INPUTS, *OUTPUTS, *OF_BEACON, "summary"}
 
 
 def test_examples_of_pose_velocity_and_wind_are_of_the_same_moment():

@@ -9,9 +9,13 @@ import pytest
 from pymavlink import mavutil
 
 from ctcbs_ros.cli import simulate as command
+from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.geodesy import Datum, to_enu
+from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.simulate import simulate_flight, write_tlog
+from ctcbs_ros.solver.steady_state import steady_states
+from ctcbs_ros.telemetry.beacon import BeaconSample, BeaconWanted
 from ctcbs_ros.telemetry.link import Vehicle
 from ctcbs_ros.telemetry.screen import Screen
 from ctcbs_ros.telemetry.source import open_log
@@ -325,6 +329,12 @@ def test_height_is_above_the_cable_unless_told_otherwise(tmp_path):
         (("--position-noise", "-1"), "position noise -1"),
         (("--velocity-noise", "nan"), "velocity noise nan"),
         (("--seed", "-1"), "seed -1"),
+        (("--beacon", "1"), "beacon 1: must be a system id from 2 to 255"),
+        (("--beacon", "256"), "beacon 256"),
+        (("--beacon", "42", "--beacon-offset", "1,2"), "--beacon-offset 1,2.*3 numbers, E,N,U"),
+        (("--beacon", "42", "--beacon-offset", "1,2,nan"), "beacon offset nan"),
+        (("--beacon", "42", "--beacon-noise", "-1"), "beacon noise -1"),
+        (("--beacon-noise", "1"), "--beacon-noise: only with --beacon"),
         (("-o", "/no/such/folder/flight.tlog"), "/no/such/folder.*No such file"),
     ],
 )
@@ -332,3 +342,27 @@ def test_command_refuses_what_it_cannot_do_by_name(tmp_path, arguments, said):
     with pytest.raises(InputError, match=said):
         run(*BASIC, "-o", str(tmp_path / "flight.tlog"), *arguments)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_beacon_leaves_the_aircrafts_messages_as_they_are_and_tells_the_truth(tmp_path):
+    path, plain = tmp_path / "beacon.tlog", tmp_path / "plain.tlog"
+    noisy = ("--position-noise", "1", "--turns", "4")
+    run(*BASIC, *noisy, "-o", str(plain))
+    run(*BASIC, *noisy, "--beacon", "42", "--beacon-offset", "5,-6,7", "-o", str(path))
+    samples = list(open_log(path, beacon=BeaconWanted(42)))
+    reports = [one.sample for one in samples if isinstance(one, BeaconSample)]
+    aircraft = [one for one in samples if not isinstance(one, BeaconSample)]
+    assert repr(aircraft) == repr(list(open_log(plain)))
+    # Once it has settled the end mass is on the solver's circle, which the cable in time is not
+    # made of; at 80 m and 20 m/s nothing of the entry is left after three turns.
+    point = flight_point(load_configuration(CONFIG), 80.0, 20.0, 1.225)
+    (state,) = steady_states(point.parameters).states
+    last = [one for one in reports if 85.0 < one.time - reports[0].time < 110.0]
+    home = Datum(47.4, 8.5, 100.0, False)
+    enu = np.array([to_enu(home, r.latitude, r.longitude, r.altitude_amsl) for r in last])
+    enu -= (5.0, -6.0, 7.0)
+    radius = state.end_mass_radius * 80.0
+    np.testing.assert_allclose(np.hypot(*enu[:, :2].T), radius, atol=0.15)
+    np.testing.assert_allclose(enu[:, 2], 250.0 - state.depth * 80.0, atol=0.15)
+    speed = [np.hypot(*one.velocity[:2]) for one in last]
+    np.testing.assert_allclose(speed, radius * 20.0 / 80.0, atol=0.1)
