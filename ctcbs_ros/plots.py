@@ -224,7 +224,9 @@ def beacon_figure(beacon: Table, samples: Table):
             moments, -band, band, color=MASS, alpha=0.2, linewidth=0.0,
             label="where 95 % of those settled ought to be",
         )  # fmt: skip
+        synchronised = np.array(beacon["simulated"]) == "settled"
         simulated = _column(beacon, f"measured_minus_simulated_{axis}_m")
+        simulated = np.where(synchronised, simulated, nan)
         if np.isfinite(simulated).any():
             axes.plot(
                 time, simulated, ".", markersize=2, color=TOW, label="measured minus simulated"

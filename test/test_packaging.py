@@ -45,7 +45,7 @@ BELOW = {
     "figures": {"kernels", "solver"},
     "design": {"kernels", "solver"},
     "prediction": {"kernels", "solver", "orbit", "table", "telemetry"},
-    "beacon": {"telemetry", "orbit", "prediction"},
+    "beacon": {"telemetry", "orbit", "prediction", "twin"},
     "replay": {"kernels", "solver", "orbit", "table", "telemetry", "prediction", "beacon"},
     "validation": {"kernels", "solver", "dynamics", "periodic", "bench"},
 }

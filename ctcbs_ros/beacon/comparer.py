@@ -21,6 +21,7 @@ from ctcbs_ros.telemetry.continuity import Continuity, Track
 from ctcbs_ros.telemetry.local_frame import LocalFrame
 from ctcbs_ros.telemetry.screen import Screen
 from ctcbs_ros.telemetry.skip_code import SkipCode
+from ctcbs_ros.twin.simulated import Simulated, TwinState
 
 # A payload hangs almost still where an aircraft never does [m/s], but not to the centimetre of its
 # receiver's digits for so long [s].
@@ -74,8 +75,16 @@ class BeaconComparer:
         """Take over the cable paid out [m]."""
         self._cable_length = cable_length
 
-    def hear(self, prediction: Prediction) -> list[Comparison]:
+    def hear(
+        self, prediction: Prediction, simulated: Simulated | None = None
+    ) -> list[Comparison]:
         """Take in the prediction of one more of the aircraft's samples.
+
+        Parameters
+        ----------
+        prediction : Prediction
+        simulated : Simulated, optional
+            The twin after that sample.
 
         Returns
         -------
@@ -96,28 +105,8 @@ class BeaconComparer:
         if any(warning.code is WarningCode.JUMPED for warning in prediction.warnings):
             self._jumped_at = time
         self._predicted.add(time, place_of(prediction, time - self._jumped_at))
+        self._simulated.add(time, None if simulated is None else simulated_place(simulated))
         return found + self._compare_waiting()
-
-    def hear_simulated(
-        self, time: float, position: np.ndarray, velocity: np.ndarray, covariance: np.ndarray,
-        settled: bool = True,
-    ) -> None:
-        """Take in where a simulation has the end mass, before `hear` of the same time.
-
-        Parameters
-        ----------
-        time : float
-            Aircraft's clock [s].
-        position, velocity : (3,) ndarrays
-            East, north, up [m], [m/s].
-        covariance : (3, 3) ndarray
-            [m^2]
-        settled : bool
-            Whether nothing is left in it of an unknown start.
-        """
-        standing = Standing.SETTLED if settled else Standing.SETTLING
-        place = Place(time, position, velocity, covariance, standing.value)
-        self._simulated.add(time, place)
 
     def add(self, report: BeaconSample) -> list[Comparison]:
         """Take in one report.
@@ -198,27 +187,24 @@ class BeaconComparer:
             covariance = place.covariance + uncertain + spread
             return difference(position, place.position, covariance)
 
-        predicted, simulated = self._predicted.at(time), self._simulated.at(time)
-        of_simulated = None
-        if simulated is not None and simulated.standing == Standing.SETTLED.value:
-            of_simulated = against(simulated)
-        if predicted is None:
-            return self._outcome(
-                report, Unmatched.NO_PREDICTION, position, simulated=of_simulated
-            )
-        return self._outcome(
-            report, Standing(predicted.standing), position, against(predicted), of_simulated
-        )
+        outcome = Unmatched.NO_PREDICTION
+        of_predicted = of_simulated = standing = None
+        if (predicted := self._predicted.at(time)) is not None:
+            outcome, of_predicted = Standing(predicted.standing), against(predicted)
+        if (simulated := self._simulated.at(time)) is not None:
+            standing, of_simulated = Standing(simulated.standing), against(simulated)
+        return self._outcome(report, outcome, position, of_predicted, of_simulated, standing)
 
     def _outcome(
-        self, report: BeaconSample, outcome, measured=None, predicted=None, simulated=None
-    ) -> Comparison:
+        self, report: BeaconSample, outcome, measured=None, predicted=None, simulated=None,
+        standing=None,
+    ) -> Comparison:  # fmt: skip
         stamp_ns = report.sample.stamp_ns
         if report.flight == self._flight and isfinite(report.time):
             stamp_ns = self._stamp_offset_ns + round(report.time * 1e9)
         return Comparison(
             stamp_ns, report.time, report.flight, report.time_by, report.time_sigma, outcome,
-            measured, predicted, simulated,
+            measured, predicted, simulated, standing,
         )  # fmt: skip
 
     def _is_out_of_reach(
@@ -254,3 +240,16 @@ def place_of(prediction: Prediction, since_jump: float = inf) -> Place | None:
     return Place(
         prediction.time, np.asarray(end_mass.position), velocity, covariance, standing.value
     )
+
+
+def simulated_place(simulated: Simulated) -> Place | None:
+    """Where the twin has the end mass; None while it has none."""
+    if simulated.state is TwinState.WAITING:
+        return None
+    standing = Standing.SETTLED if simulated.valid else Standing.SETTLING
+    if not simulated.wind_known:
+        standing = Standing.UNMODELLED
+    return Place(
+        simulated.time, simulated.position, simulated.velocity, simulated.covariance[:3, :3],
+        standing.value,
+    )  # fmt: skip

@@ -26,6 +26,8 @@ class Standing(Enum):
     SETTLED = "settled"  # where the end mass is: what differs is an error
     SETTLING = "settling"  # where it will be: what differs is also the way there
     UNMODELLED = "unmodelled"  # a warning says that the position does not hold
+    # Of a simulation alike: nothing is left of what it began with; something is; in a wind that
+    # nobody knows.
 
 
 STANDINGS = tuple(standing.value for standing in Standing)  # from best to worst
@@ -54,6 +56,8 @@ class Comparison:
         East, north, up in the local frame [m].
     predicted, simulated : Difference or None
         Measured minus the prediction's position, and minus the simulation's.
+    simulated_standing : Standing or None
+        What the simulation was worth.
     """
 
     stamp_ns: int
@@ -65,8 +69,14 @@ class Comparison:
     measured: np.ndarray | None = None
     predicted: Difference | None = None
     simulated: Difference | None = None
+    simulated_standing: Standing | None = None
 
     @property
     def settled(self) -> bool:
         """Whether the difference from the prediction counts as the prediction's error."""
         return self.outcome is Standing.SETTLED
+
+    @property
+    def simulated_settled(self) -> bool:
+        """Whether the difference from the simulation counts as the simulation's error."""
+        return self.simulated_standing is Standing.SETTLED

@@ -25,7 +25,7 @@ def comparison_record(comparison: Comparison) -> Record:
     """All that one report of the beacon came to; None for what is not known.
 
     "outcome" is "settled", "settling" or "unmodelled" where it was compared with the prediction,
-    else the code of why not.
+    else the code of why not; "simulated" alike, or None.
     """
     record: Record = {
         "vehicle_time_s": finite(comparison.time),
@@ -39,6 +39,8 @@ def comparison_record(comparison: Comparison) -> Record:
     for candidate in ("predicted", "simulated"):
         figures = _figures(getattr(comparison, candidate))
         record |= dict(zip(names(candidate), figures, strict=True))
+    standing = comparison.simulated_standing
+    record["simulated"] = None if standing is None else standing.value
     return record
 
 

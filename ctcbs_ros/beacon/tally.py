@@ -20,9 +20,9 @@ class BeaconTally:
         What tied the clocks of the reports that were compared.
     newest : Comparison or None
         The newest that was compared.
-    predicted : dict
-        `DifferenceStatistics` by `Standing`: those settled are the prediction's error.
-    simulated : DifferenceStatistics
+    predicted, simulated : dict
+        `DifferenceStatistics` by `Standing`: those settled are the prediction's error, and the
+        simulation's.
     """
 
     def __init__(self):
@@ -31,7 +31,7 @@ class BeaconTally:
         self.times_by: Counter[str] = Counter()
         self.newest: Comparison | None = None
         self.predicted = {standing: DifferenceStatistics() for standing in Standing}
-        self.simulated = DifferenceStatistics()
+        self.simulated = {standing: DifferenceStatistics() for standing in Standing}
 
     def add(self, comparison: Comparison) -> None:
         """Take in one more."""
@@ -40,7 +40,7 @@ class BeaconTally:
         if comparison.predicted is not None:
             self.predicted[comparison.outcome].add(comparison.predicted)
         if comparison.simulated is not None:
-            self.simulated.add(comparison.simulated)
+            self.simulated[comparison.simulated_standing].add(comparison.simulated)
         if comparison.predicted is not None or comparison.simulated is not None:
             self.times_by[comparison.time_by] += 1
             self.newest = comparison
@@ -52,11 +52,13 @@ class BeaconTally:
             "skipped": self._counts(SkipCode),
             "not_compared": self._counts(Unmatched),
             "times_by": dict(self.times_by),
-            "measured_minus_predicted": {
-                standing.value: found.as_dict() for standing, found in self.predicted.items()
-            },
-            "measured_minus_simulated": self.simulated.as_dict(),
+            "measured_minus_predicted": _by_standing(self.predicted),
+            "measured_minus_simulated": _by_standing(self.simulated),
         }
 
     def _counts(self, codes) -> dict[str, int]:
         return {code.value: self.outcomes[code] for code in codes if self.outcomes[code]}
+
+
+def _by_standing(statistics: dict[Standing, DifferenceStatistics]) -> dict[str, Any]:
+    return {standing.value: found.as_dict() for standing, found in statistics.items()}

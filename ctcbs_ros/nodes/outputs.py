@@ -156,7 +156,10 @@ class Outputs:
         """Publish what a report of the beacon came to: differences only where they are errors."""
         for found, output in (
             (comparison.predicted if comparison.settled else None, self._off_prediction),
-            (comparison.simulated, self._off_simulation),
+            (
+                comparison.simulated if comparison.simulated_settled else None,
+                self._off_simulation,
+            ),
         ):
             if found is not None:
                 output.publish(

@@ -85,7 +85,7 @@ SAMPLE_COLUMNS = (*TIME, "skip", "valid", *TOW_POINT, "warnings")
 # beacon.csv
 BEACON_COLUMNS = (
     *TIME, "outcome", "time_by", "time_std_s", *MEASURED, *names("predicted"),
-    *names("simulated"),
+    "simulated", *names("simulated"),
 )  # fmt: skip
 
 PREDICTIONS, SAMPLES, BEACON = "predictions.csv", "samples.csv", "beacon.csv"

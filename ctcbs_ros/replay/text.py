@@ -44,9 +44,16 @@ UNMATCHED = {
     Unmatched.NO_PREDICTION: "nothing was predicted then",
 }
 STANDINGS = {
-    Standing.SETTLED: "predicted, settled",
-    Standing.SETTLING: "predicted, still settling",
-    Standing.UNMODELLED: "predicted, wind not modelled",
+    "predicted": {
+        Standing.SETTLED: "predicted, settled",
+        Standing.SETTLING: "predicted, still settling",
+        Standing.UNMODELLED: "predicted, wind unmodelled",
+    },
+    "simulated": {
+        Standing.SETTLED: "simulated, synchronised",
+        Standing.SETTLING: "simulated, from a guess",
+        Standing.UNMODELLED: "simulated, wind not known",
+    },
 }
 SENSES = {"cw": "clockwise", "ccw": "anticlockwise"}
 
@@ -174,9 +181,10 @@ def _beacon_lines(beacon: dict[str, Any]) -> Iterator[str]:
         f"skipped, {apart} not compared" + (f"; its clock is tied by {tied}" if tied else "")
     )
     figures = {
-        text: beacon["measured_minus_predicted"][standing.value]
-        for standing, text in STANDINGS.items()
-    } | {"simulated": beacon["measured_minus_simulated"]}
+        text: beacon[f"measured_minus_{candidate}"][standing.value]
+        for candidate, texts in STANDINGS.items()
+        for standing, text in texts.items()
+    }
     figures = {text: found for text, found in figures.items() if found["count"]}
     if figures:
         yield (
