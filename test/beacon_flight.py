@@ -1,6 +1,7 @@
 """Simulated flights whose payload carries a beacon, and what comparing them comes to."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import faults_log
@@ -16,6 +17,8 @@ from ctcbs_ros.simulate import SimulatedBeacon, simulate_flight, simulate_payloa
 from ctcbs_ros.telemetry.beacon import BeaconSample, BeaconWanted
 from ctcbs_ros.telemetry.local_frame import LocalFrame
 from ctcbs_ros.telemetry.source import open_log
+from ctcbs_ros.twin.simulated import Simulated
+from ctcbs_ros.twin.twin import Twin
 
 DRONE = Path(__file__).parents[1] / "config" / "small_drone.yaml"
 SYSTEM = 42
@@ -27,11 +30,12 @@ TURN = 2 * np.pi * 60.0 / 20.0  # s
 
 @dataclass(frozen=True)
 class Flight:
-    """A log of it, and the predictions of its aircraft, which no fault of the beacon changes."""
+    """A log of it, and what predictor and twin say, which no fault of the beacon changes."""
 
     log: faults_log.Log
     configuration: Configuration
     predictions: list[Prediction]
+    simulations: list[Simulated | None]
     frame: LocalFrame
     folder: Path
 
@@ -39,6 +43,11 @@ class Flight:
         """Which frames are the beacon's, received within some seconds after the first."""
         of_beacon = np.array([one.sender[0] == SYSTEM for one in self.log])
         return of_beacon & faults_log.seconds(self.log, start, end)
+
+    @cached_property
+    def clean(self) -> tuple[list[Comparison], BeaconTally]:
+        """What they come to without faults."""
+        return self.compared()
 
     def compared(self, log=None, wanted=None) -> tuple[list[Comparison], BeaconTally]:
         """What the beacon's reports come to, of this log or of one with faults."""
@@ -48,13 +57,13 @@ class Flight:
         comparer = BeaconComparer(
             self.configuration.beacon, self.frame, self.configuration.cable.length
         )
-        predictions = iter(self.predictions)
+        predictions = iter(zip(self.predictions, self.simulations, strict=True))
         found = []
         for item in open_log(path, beacon=wanted or BeaconWanted(SYSTEM)):
             if isinstance(item, BeaconSample):
                 found += comparer.add(item)
             else:
-                found += comparer.hear(next(predictions))
+                found += comparer.hear(*next(predictions))
         assert next(predictions, None) is None
         found += comparer.finish()
         tally = BeaconTally()
@@ -63,7 +72,7 @@ class Flight:
         return found, tally
 
 
-def fly(folder: Path, table, sense=1, turns=5.0, unix_time=True, noise=0.0) -> Flight:
+def fly(folder: Path, table, sense=1, turns=5.0, noise=0.0, with_twin=False) -> Flight:
     """Simulate and predict one."""
     configuration = load_configuration(DRONE, STILL)
     flight = simulate_flight(60.0, 20.0, turns, sense=sense, height=250.0)
@@ -71,11 +80,17 @@ def fly(folder: Path, table, sense=1, turns=5.0, unix_time=True, noise=0.0) -> F
     path = folder / "flight.tlog"
     write_tlog(
         path, flight, latitude=47.4, longitude=8.5,
-        beacon=SimulatedBeacon(payload, SYSTEM, OFFSET, noise, unix_time),
+        beacon=SimulatedBeacon(payload, SYSTEM, OFFSET, noise),
     )  # fmt: skip
     predictor = Predictor(configuration, table)
-    predictions = [predictor.update(sample) for sample in open_log(path, system=1)]
-    return Flight(faults_log.read(path), configuration, predictions, predictor.frame, folder)
+    samples = list(open_log(path, system=1))
+    predictions = [predictor.update(sample) for sample in samples]
+    simulations = [None] * len(samples)
+    if with_twin:
+        twin = Twin(configuration)
+        simulations = [twin.update(*both) for both in zip(samples, predictions, strict=True)]
+    log = faults_log.read(path)
+    return Flight(log, configuration, predictions, simulations, predictor.frame, folder)
 
 
 def errors(found: list[Comparison], after=0.0) -> np.ndarray:

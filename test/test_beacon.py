@@ -43,7 +43,7 @@ def table(drone_table):
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory, table):
-    return fly(tmp_path_factory.mktemp("beacon"), table, turns=6.0)
+    return fly(tmp_path_factory.mktemp("beacon"), table, turns=6.0, with_twin=True)
 
 
 # --- the flight ---------------------------------------------------------------------------------
@@ -56,7 +56,7 @@ def last_turn(found):
 
 
 def test_what_the_beacon_is_wrong_by_comes_back_as_the_difference(flight):
-    found, tally = flight.compared()
+    found, tally = flight.clean
     assert tally.outcomes[Standing.SETTLED] > 300
     assert np.abs(last_turn(found)).max() < AGREE
     assert tally.reports == sum(tally.outcomes.values()) == len(found)
@@ -70,7 +70,7 @@ def test_clockwise_comes_back_as_well(tmp_path, table):
 
 
 def test_only_a_settled_prediction_counts_as_an_error(flight):
-    found, tally = flight.compared()
+    found, tally = flight.clean
     first = next(p for p in flight.predictions if p.valid and p.end_mass.settled)
     for one in found:
         if one.outcome is Standing.SETTLED:
@@ -82,6 +82,27 @@ def test_only_a_settled_prediction_counts_as_an_error(flight):
     worst = tally.predicted[Standing.SETTLING].as_dict()["horizontal_95_m"]
     assert worst > 5 * tally.predicted[Standing.SETTLED].as_dict()["horizontal_95_m"]
     assert tally.outcomes[Unmatched.NO_PREDICTION] > 0
+
+
+def test_the_twin_is_where_the_beacon_is_on_the_way_into_the_circle_as_well(flight):
+    """Both are the cable in time: this is of clocks, frames and the tow point's path."""
+    found, tally = flight.clean
+    settling = [one for one in found if one.outcome is Standing.SETTLING]
+    off = np.array([(one.predicted.enu, one.simulated.enu) for one in settling]) - OFFSET
+    assert np.linalg.norm(off[:, 0], axis=1).max() > 20.0
+    assert np.linalg.norm(off[:, 1], axis=1).max() < 0.4
+    assert all(one.simulated_settled for one in settling)
+    assert tally.simulated[Standing.SETTLED].count > tally.predicted[Standing.SETTLED].count
+    began = [one for one in found if one.simulated_standing is Standing.SETTLING]
+    assert len(began) == tally.simulated[Standing.SETTLING].count > 10
+    assert not any(one.simulated_settled for one in began)
+
+
+def test_a_simulation_in_a_wind_that_nobody_knows_is_counted_apart(flight):
+    unknown = [s and replace(s, wind_known=False) for s in flight.simulations]
+    _, tally = replace(flight, simulations=unknown).compared()
+    assert tally.simulated[Standing.SETTLED].count == 0
+    assert tally.simulated[Standing.UNMODELLED].count > 500
 
 
 def test_where_wind_is_not_known_it_is_counted_apart(flight):
@@ -105,7 +126,7 @@ def test_the_prediction_is_taken_at_the_time_of_the_report(flight):
     newest = next(p for p in reversed(flight.predictions) if p.valid)
     speed = newest.end_mass.state.radius * newest.orbit.angular_rate
     assert speed == pytest.approx(SPEED, rel=0.05)
-    found, _ = flight.compared()
+    found, _ = flight.clean
     moving = next(one for one in reversed(found) if one.outcome is Standing.SETTLED)
     times = {round(p.time, 3) for p in flight.predictions}
     assert all(round(one.time, 3) not in times for one in found if one.time == one.time)
@@ -123,7 +144,7 @@ def test_a_replay_writes_sums_up_and_draws_what_the_beacon_measured(
         "replay", str(flight.folder / "flight.tlog"), "--config", str(tmp_path / "drone.yaml"),
         "--table", str(drone_table), "--out", str(out),
     ]) == 0  # fmt: skip
-    _, tally = flight.compared()
+    _, tally = flight.clean
     summary = json.loads((out / "summary.json").read_text())["beacon"]
     assert summary["reports"] == tally.reports
     assert summary["measured_minus_predicted"] == tally.as_dict()["measured_minus_predicted"]
@@ -155,7 +176,7 @@ def without_system_time(log):
 
 
 def test_clocks_hours_apart_are_tied_by_the_unix_time_that_both_tell(flight):
-    found, tally = flight.compared()
+    found, tally = flight.clean
     assert set(tally.times_by) == {"Unix time"}
     assert all(one.time_sigma == 0.0 for one in found if one.time_by)
 
@@ -164,7 +185,7 @@ def test_without_unix_time_clocks_are_tied_by_when_messages_are_received(flight)
     found, tally = flight.compared(without_system_time(flight.log))
     assert set(tally.times_by) == {"receive times"}
     # The beacon's messages take 20 ms longer than the aircraft's: as much is its time off.
-    on_time = {one.stamp_ns: one.time for one in flight.compared()[0] if one.settled}
+    on_time = {one.stamp_ns: one.time for one in flight.clean[0] if one.settled}
     for one in found:
         if one.settled:
             near = min(on_time, key=lambda stamp: abs(stamp - one.stamp_ns))
@@ -218,7 +239,7 @@ def test_clocks_that_contradict_each_other_by_seconds_make_the_time_that_unsure(
 
 
 def clean_times(flight):
-    return {round(one.time, 3) for one in flight.compared()[0] if one.settled}
+    return {round(one.time, 3) for one in flight.clean[0] if one.settled}
 
 
 def test_a_silent_beacon_leaves_a_gap_and_nothing_else(flight):
@@ -382,11 +403,12 @@ def test_no_figures_of_nothing():
 
 
 def test_a_record_has_no_number_that_is_not_known(flight):
-    found, _ = flight.compared()
+    found, _ = flight.clean
     for one in (found[0], next(one for one in found if one.settled)):
         record = comparison_record(one)
         assert all(value == value for value in record.values())  # no nan
     assert record["outcome"] == "settled"
     assert record["measured_minus_predicted_east_m"] == pytest.approx(OFFSET[0], abs=5.0)
-    assert record["measured_minus_simulated_east_m"] is None
+    assert record["measured_minus_simulated_east_m"] == pytest.approx(OFFSET[0], abs=0.4)
+    assert comparison_record(found[0])["measured_minus_simulated_east_m"] is None
     assert comparison_record(replace(found[0], time=nan))["vehicle_time_s"] is None
