@@ -123,11 +123,9 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _interrupt(_number: int, _frame) -> None:
-    signals.absorb()  # the end removes what is half written
-    raise Interrupted
+def _interrupt(_number: int, frame) -> None:
+    signals.end_by(Interrupted, frame)  # the end removes what is half written
 
 
-def _terminate(number: int, _frame) -> None:
-    signals.absorb()
-    raise Terminated(128 + number)
+def _terminate(number: int, frame) -> None:
+    signals.end_by(lambda: Terminated(128 + number), frame)
