@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import isnan, nan
+from threading import Event
 
 import bags
 import numpy as np
@@ -15,7 +16,9 @@ from ctcbs_ros.cli.main import main
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.telemetry.beacon import BeaconSample, BeaconWanted, CommonTime, beacon_wanted
+from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.local_frame import LocalFrame
+from ctcbs_ros.telemetry.mavlink import MavlinkDecoder
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.screen import Screen
 from ctcbs_ros.telemetry.skip_code import SkipCode
@@ -304,6 +307,44 @@ def test_a_live_link_brings_both_and_asks_nothing_of_the_beacon(link):
     assert sum(isinstance(sample, BeaconSample) for sample in samples) == 10
     assert (source.vehicle.system, source.beacon.system) == (1, SYSTEM)
     assert source.link.other_positions == 0
+
+
+def test_a_beacon_that_floods_the_link_drops_its_own_reports_and_none_of_the_aircraft():
+    class Bytes:
+        """A transport that brings everything at once."""
+
+        trouble, connections = None, 1
+
+        def __init__(self, data):
+            self._data = [data]
+
+        def read(self):
+            if not self._data:
+                read.set()
+                return b""
+            return self._data.pop()
+
+        def close(self):
+            pass
+
+    read, beacon, aircraft = Event(), Sender(SYSTEM), Sender(1)
+    frames = [aircraft(heartbeat())]
+    for i in range(10):
+        frames.append(aircraft(position(1000 + 200 * i)))
+        frames += [beacon(position(9000 + 200 * i + j)) for j in range(100)]
+    decoder = MavlinkDecoder(False, beacon=BeaconWanted(SYSTEM))
+    source = LiveSource(Bytes(b"".join(frames)), decoder, capacity=100)
+    assert read.wait(60.0)
+    source.close()
+    samples = source.poll()
+    reports = [one.sample.time for one in samples if isinstance(one, BeaconSample)]
+    assert (len(reports), source.reports_dropped, source.dropped) == (20, 980, 0)
+    assert reports == sorted(reports)
+    assert [one.time for one in samples if isinstance(one, Sample)] == [
+        (1000 + 200 * i) / 1000 for i in range(10)
+    ]
+    assert isinstance(samples[0], Sample)
+    assert isinstance(samples[-1], BeaconSample)
 
 
 # --- parameters ---------------------------------------------------------------------------------

@@ -301,7 +301,10 @@ class PredictorNode(Node):
         source = self._log or self._live
         if source is None or source.beacon_link is None:
             return {"source": self.resolve_topic_name(self._values["beacon.topic"])}
-        return {"source": f"system {self._values['beacon.system_id']}"} | beacon_link(source)
+        figures: Record = {"source": f"system {self._values['beacon.system_id']}"}
+        if self._live is not None:
+            figures["dropped because the node was late"] = self._live.reports_dropped
+        return figures | beacon_link(source)
 
     # --- parameters -----------------------------------------------------------------------------
 

@@ -13,6 +13,8 @@ from ctcbs_ros.telemetry.transport import Transport
 
 LOGGER = logging.getLogger(__name__)
 CAPACITY = 1000
+# Reports of a beacon kept beside them, as part of that: however it floods, the aircraft is heard.
+BEACON_PART = 0.2
 SILENT = 2.0  # s without a byte until a link counts as lost; heartbeats come every second
 
 
@@ -35,6 +37,8 @@ class LiveSource:
     ----------
     dropped : int
         Samples that gave way before they were polled.
+    reports_dropped : int
+        The same of the payload's beacon.
     failures : int
         Reads of which not everything was decoded, for a mistake in this program.
     last_received : float or None
@@ -45,11 +49,14 @@ class LiveSource:
         self._transport = transport
         self._own = own
         self._decoder = decoder
-        self._samples: deque[Sample | BeaconSample] = deque(maxlen=capacity)
+        # Each with its number in the order received.
+        self._samples: deque[tuple[int, Sample]] = deque(maxlen=capacity)
+        self._reports: deque[tuple[int, BeaconSample]] = deque(maxlen=int(BEACON_PART * capacity))
+        self._received = 0
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._lateness = Lateness()
-        self.dropped = 0
+        self.dropped = self.reports_dropped = 0
         self.failures = 0
         self.last_received: float | None = None
         self._thread = threading.Thread(target=self._read, name="telemetry", daemon=True)
@@ -121,14 +128,19 @@ class LiveSource:
     def take(self) -> Sample | BeaconSample | None:
         """The oldest sample not taken yet; None where there is none."""
         with self._lock:
-            return self._samples.popleft() if self._samples else None
+            return self._oldest()
 
     def poll(self) -> list[Sample | BeaconSample]:
         """Samples that came since the last call, oldest first; returns at once."""
         with self._lock:
-            samples = list(self._samples)
-            self._samples.clear()
+            samples = []
+            while (sample := self._oldest()) is not None:
+                samples.append(sample)
         return samples
+
+    def _oldest(self) -> Sample | BeaconSample | None:
+        queues = [queue for queue in (self._samples, self._reports) if queue]
+        return min(queues, key=lambda queue: queue[0][0]).popleft()[1] if queues else None
 
     def close(self) -> None:
         """Stop reading and give up the port; samples not polled yet stay."""
@@ -157,5 +169,10 @@ class LiveSource:
             if isinstance(sample, Sample):
                 self._lateness.add(sample, self.last_received)
             with self._lock:
-                self.dropped += len(self._samples) == self._samples.maxlen
-                self._samples.append(sample)
+                self._received += 1
+                if isinstance(sample, Sample):
+                    self.dropped += len(self._samples) == self._samples.maxlen
+                    self._samples.append((self._received, sample))
+                else:
+                    self.reports_dropped += len(self._reports) == self._reports.maxlen
+                    self._reports.append((self._received, sample))
