@@ -50,9 +50,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"ctcbs: error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
+        signals.ignore()  # while the exception lives: afterwards it would seem lost, see `end_by`
         print("ctcbs: interrupted", file=sys.stderr)
         return 128 + signal.SIGINT
     except Terminated:
+        signals.ignore()
         print("ctcbs: terminated (SIGTERM)", file=sys.stderr)
         return 128 + signal.SIGTERM
     except BrokenPipeError:
