@@ -44,9 +44,11 @@ BELOW = {
     "periodic": {"kernels", "solver"},
     "figures": {"kernels", "solver"},
     "design": {"kernels", "solver"},
-    "prediction": {"kernels", "solver", "orbit", "table", "telemetry"},
+    "prediction": {"kernels", "solver", "periodic", "orbit", "table", "telemetry"},
     "beacon": {"telemetry", "orbit", "prediction", "twin"},
-    "replay": {"kernels", "solver", "orbit", "table", "telemetry", "prediction", "beacon"},
+    "replay": {
+        "kernels", "solver", "periodic", "orbit", "table", "telemetry", "prediction", "beacon",
+    },
     "validation": {"kernels", "solver", "dynamics", "periodic", "bench"},
 }
 

@@ -275,13 +275,27 @@ def test_ground_proximity_is_of_the_end_mass_above_home_or_the_set_ground(ground
     assert (WarningCode.GROUND_PROXIMITY in codes(*predictions)) is near
 
 
-@pytest.mark.parametrize(("speed", "windy"), [(0.3, False), (4.0, True)])
-def test_wind_is_told_from_the_ground_speed(speed, windy):
-    flight = orbiting(turns=2.0, wind=(0.0, speed))
-    flown = [p for p in predict(samples_of(flight, wind=(0.0, speed))) if p.valid]
-    texts = [w.text for w in flown[-30].warnings if w.code is WarningCode.WIND_UNMODELLED]
-    assert bool(texts) is windy
-    assert all("m/s from 180 deg" in text and "by the flight" in text for text in texts)
+def test_wind_is_told_from_the_ground_speed_and_modelled():
+    flight = orbiting(turns=2.0, wind=(0.0, 4.0))
+    last = [p for p in predict(samples_of(flight, wind=(0.0, 4.0))) if p.valid][-30]
+    assert WarningCode.WIND_UNMODELLED not in codes(last)
+    assert last.end_mass.in_wind is not None
+    off = last.end_mass.circle_center - last.orbit.center
+    assert off[1] > 20.0  # the small drone's end mass, downwind
+
+
+def test_wind_without_a_periodic_motion_is_told_with_the_reason():
+    # A cable that does not stretch.
+    cable = replace(DRONE.cable, youngs_modulus=inf)
+    flight = orbiting(turns=2.0, wind=(0.0, 4.0))
+    samples = samples_of(flight, wind=(0.0, 4.0))
+    last = [p for p in predict(samples, replace(DRONE, cable=cable)) if p.valid][-30]
+    (text,) = (w.text for w in last.warnings if w.code is WarningCode.WIND_UNMODELLED)
+    assert "m/s from 180 deg" in text
+    assert "by the flight" in text
+    assert "a cable that stretches" in text
+    assert "do not use it" in text
+    assert last.end_mass.in_wind is None
 
 
 def test_what_looks_like_still_air_is_not_known_to_be_still_without_an_airspeed():

@@ -68,7 +68,7 @@ def _lines(prediction: Prediction) -> dict[Name, tuple[list[Point], ColorRGBA]]:
         ("cable", 0): ([point(position) for position in end_mass.cable], CABLE),
         ("tow_circle", 0): (_circle(orbit.center, orbit.radius), TOW),
         ("end_mass_circle", 0): (
-            _circle(end_mass.circle_center, end_mass.state.radius),
+            _closed(end_mass.circle(CIRCLE_POINTS - 1)),
             BY_LEVEL[gravest],
         ),
     }
@@ -76,6 +76,10 @@ def _lines(prediction: Prediction) -> dict[Name, tuple[list[Point], ColorRGBA]]:
         center = orbit.center - (0.0, 0.0, other.depth)
         lines["other_solutions", number] = (_circle(center, other.radius), OTHER)
     return lines
+
+
+def _closed(path: np.ndarray) -> list[Point]:
+    return [point(position) for position in (*path, path[0])]
 
 
 def _circle(center: np.ndarray, radius: float) -> list[Point]:

@@ -37,6 +37,8 @@ _LEAST_COURSE = 0.5
 # Part of a turn after which the wind is estimated anew.
 _ANEW = 1.0 / 16.0
 _MOST_SAMPLES = 240
+# Ratio of two speeds' scatter up to which they vary alike.
+_ALIKE = 1.25
 # Squared distance of two winds, in units of its covariance, that chance does not explain.
 # chi^2 of two components is exponential: the quantile of 0.999.
 CONTRADICTION = -2.0 * log(1.0 - 0.999)
@@ -243,6 +245,19 @@ class WindEstimator:
         kept = kept.copy()
         self._rows[: len(kept)] = kept
         self._first, self._end = 0, len(kept)
+
+    def holds_airspeed(self, wind, before: bool = False) -> bool:
+        """Whether over the newest turn the airspeed varied less than the ground speed.
+
+        Where they vary alike, as without wind, it is as before.
+
+        wind : (2,) array_like, velocity of the air towards east and north [m/s]
+        """
+        velocity = self._rows[self._first : self._end, _VE : _VN + 1]
+        if len(velocity) < _FEWEST_SAMPLES:
+            return before
+        air, ground = (np.std(np.hypot(*v.T)) for v in (velocity - wind, velocity))
+        return bool(air < (_ALIKE if before else 1.0 / _ALIKE) * ground)
 
     def estimate(self, orbit: Orbit) -> FlightWind | None:
         """Wind over the last turn of an orbit, since it began; None where that does not show it.

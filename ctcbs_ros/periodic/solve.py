@@ -3,6 +3,7 @@
 With more functions and times until the end mass moves no more, or from a motion nearby.
 """
 
+from collections.abc import Generator
 from dataclasses import dataclass, fields
 from math import atan2, cos, hypot, inf, isfinite, sin
 
@@ -12,8 +13,10 @@ from ctcbs_ros.errors import InputError
 from ctcbs_ros.periodic.elements import DEGREE, at_arc_lengths, interpolated
 from ctcbs_ros.periodic.fourier import fourier, resampled, times
 from ctcbs_ros.periodic.motion import PeriodicMotion
-from ctcbs_ros.periodic.newton import Solved, newton
+from ctcbs_ros.periodic.newton import Solved, newton_steps
 from ctcbs_ros.periodic.tow_path import GROUND_SPEED, TowPath
+from ctcbs_ros.pieces import drained
+from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import SteadyState
 
@@ -22,12 +25,7 @@ ACCURACY, CONVERGED = 1e-5, 1e-3
 # Numbers of elements tried on the steady state. The result has enough to give it to this share of
 # the accuracy asked for: there is more to resolve in a wind.
 _ELEMENTS, _SHARE = (2, 3, 4, 6, 8, 12, 16, 24), 0.01
-# Times of a turn that a continuation begins with, and the error in still air that its number of
-# elements is for; then what is tried where those do not suffice.
-_LADDER = ((13, 1e-3), (21, 1e-4), (33, 1e-6))
 _STILL = 3  # times that hold a motion that is steady in the rotating frame
-# Most times, and most elements: a matrix of one element takes 20 MB, all of them some seconds.
-_MOST_TIMES, _MOST_ELEMENTS = 81, 48
 # Wind, as a fraction of the tow speed: the first step, the longest and the shortest.
 _FIRST, _LONGEST, _SHORTEST = 0.05, 0.1, 2e-3
 # Least part of the way from one motion to another that is gone at once.
@@ -38,6 +36,37 @@ _SLACK = 0.3
 _TAIL = 5.0
 # Most times added at once.
 _MORE_TIMES = 16
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How well a motion is to be known, and what is done for it at most.
+
+    Attributes
+    ----------
+    accuracy : float
+        Functions and times are added until the end mass moves by less [a].
+    converged : float
+        Where no more are allowed, this is enough.
+    most_times, most_elements : int
+        By default a matrix of one element takes 20 MB, all of them some seconds.
+    ladder : tuple of (int, float)
+        Times of a turn that a continuation begins with, and the error in still air that its
+        number of elements is for; then what is tried where those do not suffice.
+    """
+
+    accuracy: float = ACCURACY
+    converged: float = CONVERGED
+    most_times: int = 81
+    most_elements: int = 48
+    ladder: tuple[tuple[int, float], ...] = ((13, 1e-3), (21, 1e-4), (33, 1e-6))
+
+    def __post_init__(self):
+        """Refuse an accuracy that is none."""
+        if not (isfinite(self.accuracy) and self.accuracy > 0.0):
+            raise InputError(
+                f"accuracy: {self.accuracy:g} is not allowed, it must be above 0 and finite"
+            )
 
 
 @dataclass(frozen=True)
@@ -71,20 +100,26 @@ def periodic_motion(
     InputError
         If the cable does not stretch.
     """
+    with one_blas_thread():
+        return drained(motion_search(state, path, Effort(accuracy)))
+
+
+def motion_search(
+    state: SteadyState, path: TowPath, effort: Effort
+) -> Generator[float, None, Found]:
+    """As `periodic_motion`, piece by piece: yields the work of each, see `newton_steps`."""
     p = state.parameters
     if not p.elastic:
         raise InputError(
             "elasticity: inf is not allowed, the periodic motion is that of a cable that stretches"
         )
-    if not (isfinite(accuracy) and accuracy > 0.0):
-        raise InputError(f"accuracy: {accuracy:g} is not allowed, it must be above 0 and finite")
     limit, found = "", None
-    _, enough = _in_still_air(state, _SHARE * accuracy)
-    for count, error in _LADDER:
-        still, _ = _in_still_air(state, error)
+    _, enough = yield from _in_still_air(state, _SHARE * effort.accuracy)
+    for count, error in effort.ladder:
+        still, _ = yield from _in_still_air(state, error)
         if still is None:
             return Found(None, "Newton's method does not find the steady state in still air again")
-        wind, reached = _continued(p, path, resampled(still, count))
+        wind, reached = yield from _continued(p, path, resampled(still, count))
         if wind < path.wind:
             limit = (
                 f"Newton's method does not converge beyond a wind of {wind:.3g} of the tow speed, "
@@ -92,7 +127,8 @@ def periodic_motion(
                 "of the end weight"
             )
             continue
-        found = _judged(_refined(p, path, reached, enough, accuracy))
+        refined = yield from _refined(p, path, reached, enough, effort)
+        found = _judged(refined, effort.converged)
         if found.motion is not None:
             return found
     return Found(None, limit or found.reason)
@@ -115,6 +151,14 @@ def followed(motion: PeriodicMotion, parameters: Parameters, path: TowPath) -> F
         Its residual is that of the motion it started from, or more where the highest orders have
         grown.
     """
+    with one_blas_thread():
+        return drained(followed_search(motion, parameters, path))
+
+
+def followed_search(
+    motion: PeriodicMotion, parameters: Parameters, path: TowPath, converged: float = CONVERGED
+) -> Generator[float, None, Found]:
+    """As `followed`, piece by piece: yields the work of each, see `newton_steps`."""
     values, p, done, step = motion.values, motion.parameters, 0.0, 1.0
     factors = motion.factors
     while done < 1.0:
@@ -122,7 +166,8 @@ def followed(motion: PeriodicMotion, parameters: Parameters, path: TowPath) -> F
         q = _between(motion.parameters, parameters, there)
         wind = motion.path.wind + (path.wind - motion.path.wind) * there
         # The same shape, as far along the cable in proportion.
-        solved = newton(q, TowPath(path.kind, wind), values * (q.length / p.length), factors)
+        guess = values * (q.length / p.length)
+        solved = yield from newton_steps(q, TowPath(path.kind, wind), guess, factors)
         if solved is None:
             step *= 0.5
             if step < _LEAST_PART:
@@ -131,7 +176,8 @@ def followed(motion: PeriodicMotion, parameters: Parameters, path: TowPath) -> F
         values, p, done, factors = solved.values, q, there, solved.factors
     residual = max(motion.residual, _tail(values)[0])
     return _judged(
-        PeriodicMotion(parameters, path, values, residual, solved.least_tension, factors)
+        PeriodicMotion(parameters, path, values, residual, solved.least_tension, factors),
+        converged,
     )
 
 
@@ -143,9 +189,9 @@ def _between(before: Parameters, after: Parameters, share: float) -> Parameters:
     return Parameters(**{name: a + share * (b - a) for name, a, b in pairs})
 
 
-def _judged(motion: PeriodicMotion) -> Found:
+def _judged(motion: PeriodicMotion, converged: float) -> Found:
     """Refuse what is no motion of a cable."""
-    if not motion.residual <= CONVERGED:
+    if not motion.residual <= converged:
         known = f" (uncertain by {motion.residual:.2g} of the tow radius)"
         return Found(
             None, "the end mass still moves with more functions and times than are allowed"
@@ -156,7 +202,7 @@ def _judged(motion: PeriodicMotion) -> Found:
     return Found(motion, "")
 
 
-def _in_still_air(state: SteadyState, error: float) -> tuple[np.ndarray | None, int]:
+def _in_still_air(state: SteadyState, error: float):
     """The steady state at three times, (3, 3, n), in as many functions as give it so well."""
     p, path = state.parameters, TowPath(GROUND_SPEED, 0.0)
     lag, solved = state.phase_lag, None
@@ -164,7 +210,7 @@ def _in_still_air(state: SteadyState, error: float) -> tuple[np.ndarray | None, 
         [state.end_mass_radius * cos(lag), -state.end_mass_radius * sin(lag), -state.depth]
     )
     for count in _ELEMENTS:
-        solved = newton(p, path, _projected(state, count)) or solved
+        solved = (yield from newton_steps(p, path, _projected(state, count))) or solved
         if solved is not None:
             end = solved.values[0, :, 0] + [1.0, 0.0, 0.0]
             if np.abs(end - expected).max() < error:
@@ -190,17 +236,18 @@ def _projected(state: SteadyState, count: int) -> np.ndarray:
     return np.stack([flat.real, flat.imag, np.broadcast_to(z, flat.shape)], axis=1)
 
 
-def _continued(p: Parameters, path: TowPath, still: np.ndarray) -> tuple[float, Solved]:
+def _continued(p: Parameters, path: TowPath, still: np.ndarray):
     """Raise the wind: how far Newton's method or a slack cable let it, and the motion there."""
     wind, step, before = 0.0, _FIRST, None
-    here = newton(p, TowPath(path.kind, 0.0), still) or Solved(still, 0.0, 0)
+    here = yield from newton_steps(p, TowPath(path.kind, 0.0), still)
+    here = here or Solved(still, 0.0, 0)
     while wind < path.wind and here.least_tension > -_SLACK * p.end_weight:
         # No last step that is too short to tell a direction from.
         there = path.wind if path.wind - wind < 1.5 * step else wind + step
         guess = here.values
         if before is not None:
             guess = guess + (guess - before[0]) * (there - wind) / (wind - before[1])
-        found = newton(p, TowPath(path.kind, there), guess)
+        found = yield from newton_steps(p, TowPath(path.kind, there), guess)
         if found is None:
             step *= 0.4
             if step < _SHORTEST:
@@ -211,13 +258,14 @@ def _continued(p: Parameters, path: TowPath, still: np.ndarray) -> tuple[float, 
     return wind, here
 
 
-def _refined(p, path, solved: Solved, enough: int, accuracy: float) -> PeriodicMotion:
+def _refined(p, path, solved: Solved, enough: int, effort: Effort):
     """Add elements and times until the end mass moves no more."""
     residual = inf
-    while residual > accuracy:
+    while residual > effort.accuracy:
         values = solved.values
         now = values.shape[0], values.shape[2] // DEGREE
-        finer = _solved_in_more(p, path, values, now, _more(now, values, enough, accuracy))
+        wanted = _more(now, values, enough, effort.accuracy)
+        finer = yield from _solved_in_more(p, path, values, now, wanted, effort)
         if finer is None:
             break
         count = max(values.shape[0], finer.values.shape[0])
@@ -229,13 +277,13 @@ def _refined(p, path, solved: Solved, enough: int, accuracy: float) -> PeriodicM
     )
 
 
-def _solved_in_more(p, path, values, now, wanted) -> Solved | None:
+def _solved_in_more(p, path, values, now, wanted, effort: Effort):
     """Newton's method from a motion in so many times and elements to one in more."""
     count, parts = wanted
     # High orders ring: where one number of times leads nowhere, another may.
     for some in ((count, parts), (count + 8, parts), (count, now[1]), (count + 16, parts)):
-        if some != now and some[0] <= _MOST_TIMES and some[1] <= _MOST_ELEMENTS:
-            found = newton(p, path, _in_more(values, *some, p.length))
+        if some != now and some[0] <= effort.most_times and some[1] <= effort.most_elements:
+            found = yield from newton_steps(p, path, _in_more(values, *some, p.length))
             if found is not None:
                 return found
     return None

@@ -9,7 +9,13 @@ from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.prediction import pose
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.history import Outlook
-from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Geodetic, Jump
+from ctcbs_ros.prediction.prediction import (
+    EndMass,
+    EndMassState,
+    Geodetic,
+    Jump,
+    MotionInWind,
+)
 from ctcbs_ros.scaling import FlightPoint
 from ctcbs_ros.solver.stability import Stability
 from ctcbs_ros.solver.steady_state import SteadyState
@@ -27,6 +33,7 @@ def end_mass_in_si(
     position: np.ndarray,
     geodetic: Geodetic,
     ground_up: float,
+    in_wind: MotionInWind | None = None,
 ) -> EndMass:
     """Everything that is known of the end mass on a tracked branch.
 
@@ -46,6 +53,8 @@ def end_mass_in_si(
         The same position.
     ground_up : float
         Up coordinate of the ground [m]; nan if unknown.
+    in_wind : MotionInWind, optional
+        Where the wind is known; then `position` is that of this motion.
 
     Raises
     ------
@@ -57,17 +66,24 @@ def end_mass_in_si(
     in_radius = jump_in_si(outlook.in_radius, point.radius, point)
     distance = pose.fold_distance(orbit, in_angular_rate, in_radius)
     landed = _landed(point, tracked, in_angular_rate or in_radius)
+    if in_wind is None:
+        yaw, known = pose.motion_yaw(orbit, tracked.state), None
+        center = orbit.center - np.array([0.0, 0.0, state.depth])
+        cable = pose.cable_points(orbit, point, tracked.state)
+    else:
+        yaw, known, center = in_wind.yaw, in_wind.covariance, in_wind.mean
+        cable = in_wind.cable
     return EndMass(
         state=state,
         branch=tracked.branch,
         position=position,
-        yaw=pose.motion_yaw(orbit, tracked.state),
-        covariance=pose.pose_covariance(orbit, point, tracked.state, distance, landed),
+        yaw=yaw,
+        covariance=pose.pose_covariance(orbit, point, tracked.state, distance, landed, known),
         fold_distance=distance,
         geodetic=geodetic,
         height_above_home=float(position[2] - ground_up),
-        circle_center=orbit.center - np.array([0.0, 0.0, state.depth]),
-        cable=pose.cable_points(orbit, point, tracked.state),
+        circle_center=center,
+        cable=cable,
         settling_time=settling_time(state),
         time_on_orbit=time_on_orbit,
         nearest_loss=outlook.stability.nearest_loss,
@@ -79,6 +95,7 @@ def end_mass_in_si(
         jump_in_speed=jump_in_si(outlook.in_angular_rate, point.speed, point),
         jump_in_radius=in_radius,
         method=tracked.method,
+        in_wind=in_wind,
     )
 
 

@@ -8,9 +8,10 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from math import exp, expm1, isnan, log, nan
 
+from ctcbs_ros.pieces import drained
 from ctcbs_ros.prediction.fold import KnownFold, follow_fold, known_fold
 from ctcbs_ros.prediction.prediction import Jump
-from ctcbs_ros.solver.branches import beyond, branch_ends_search, drained
+from ctcbs_ros.solver.branches import beyond, branch_ends_search
 from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED, family_between
 from ctcbs_ros.solver.flown import landing_search
 from ctcbs_ros.solver.steady_state import SteadyState, correct_state

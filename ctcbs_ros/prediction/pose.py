@@ -95,6 +95,7 @@ def pose_covariance(
     state: SteadyState,
     distance: float = inf,
     landed: SteadyState | None = None,
+    known: np.ndarray | None = None,
 ) -> np.ndarray:
     """Covariance of (east, north, up, roll, pitch, yaw), (6, 6), from the orbit's covariance.
 
@@ -110,7 +111,27 @@ def pose_covariance(
         `fold_distance`.
     landed : SteadyState, optional
         Of the same orbit: where the end mass is if it has jumped.
+    known : (4, 4) ndarray, optional
+        Of east, north, up and yaw without that chance; by default what still air leaves of the
+        orbit's.
     """
+    covariance = _UNKNOWN.copy()
+    with np.errstate(all="ignore"):
+        known = _in_still_air(orbit, state) if known is None else known.copy()
+        if landed is not None:
+            off = np.empty(4)
+            off[:3] = end_mass_position(orbit, point, landed)
+            off[:3] -= end_mass_position(orbit, point, state)
+            turned = motion_yaw(orbit, landed) - motion_yaw(orbit, state)
+            off[3] = (turned + pi) % (2.0 * pi) - pi
+            known += 0.5 * erfc(distance / sqrt(2.0)) * np.outer(off, off)
+    if np.isfinite(known).all() and known.trace() < 3.0 * UNKNOWN_VARIANCE:
+        covariance[_KNOWN] = 0.5 * (known + known.T)
+    return covariance
+
+
+def _in_still_air(orbit: Orbit, state: SteadyState) -> np.ndarray:
+    """Covariance of east, north, up and yaw of a steady state, (4, 4)."""
     by_radius, by_rate = sensitivities(state, (RADIUS_AT_RATE, ANGULAR_RATE)).tolist()
     a, rate = orbit.radius, orbit.angular_rate
     x_d, depth = state.end_mass_radius, state.depth
@@ -132,16 +153,4 @@ def pose_covariance(
     jacobian[:, 3] = moved(by_radius[0] + x_d, by_radius[1] + depth, by_radius[2] / a)
     jacobian[:, 4] = moved(by_rate[0] * a / rate, by_rate[1] * a / rate, by_rate[2] / rate)
     jacobian[:, 5] = (-radius * s, radius * c, 0.0, 1.0)
-    covariance = _UNKNOWN.copy()
-    with np.errstate(all="ignore"):
-        known = jacobian @ orbit.covariance[:6, :6] @ jacobian.T
-        if landed is not None:
-            off = np.empty(4)
-            off[:3] = end_mass_position(orbit, point, landed)
-            off[:3] -= end_mass_position(orbit, point, state)
-            turned = motion_yaw(orbit, landed) - motion_yaw(orbit, state)
-            off[3] = (turned + pi) % (2.0 * pi) - pi
-            known += 0.5 * erfc(distance / sqrt(2.0)) * np.outer(off, off)
-    if np.isfinite(known).all() and known.trace() < 3.0 * UNKNOWN_VARIANCE:
-        covariance[_KNOWN] = 0.5 * (known + known.T)
-    return covariance
+    return jacobian @ orbit.covariance[:6, :6] @ jacobian.T

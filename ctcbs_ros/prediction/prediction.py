@@ -64,6 +64,36 @@ class Geodetic:
 
 
 @dataclass(frozen=True)
+class MotionInWind:
+    """Where the end mass is on a circle in a steady wind, once settled.
+
+    Attributes
+    ----------
+    position : (3,) ndarray
+        East, north, up at the orbit's phase [m].
+    yaw : float
+        ENU direction in which it moves over the ground [rad].
+    covariance : (4, 4) ndarray
+        Of east, north, up and yaw, from the orbit's and the wind's.
+    cable : (CABLE_POINTS, 3) ndarray
+        East, north, up [m] from the end mass up.
+    path : (n, 3) ndarray
+        Over the turn from now on, at equal times [m].
+    """
+
+    position: np.ndarray
+    yaw: float
+    covariance: np.ndarray
+    cable: np.ndarray
+    path: np.ndarray
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Mean position over a turn, (3,) [m]."""
+        return self.path.mean(axis=0)
+
+
+@dataclass(frozen=True)
 class EndMass:
     """The end mass on the tracked branch: where it is at the present phase, and its circle.
 
@@ -88,7 +118,8 @@ class EndMass:
     height_above_home : float
         Height of the end mass above home, or above the set ground level [m]; nan if unknown.
     circle_center : (3,) ndarray
-        Centre of the circle that the end mass describes [m]; its radius is `state.radius`.
+        Mean place of the end mass over a turn [m]; in still air the centre of its circle, the
+        radius of which is `state.radius`.
     cable : (n, 3) ndarray
         East, north, up [m] of points along the cable, from the end mass to the tow point.
     settling_time : float
@@ -104,6 +135,10 @@ class EndMass:
         speed); None where the branch has no end there.
     method : str
         "table and Newton", "continuation" or "full solve": how the state was found.
+    in_wind : MotionInWind or None
+        The motion in the wind believed, of which position, yaw, covariance and cable then are;
+        None where that is not known or has no periodic motion. `state`, the others and the jumps
+        are those of still air all the same.
     """
 
     state: EndMassState
@@ -124,6 +159,7 @@ class EndMass:
     jump_in_speed: Jump | None
     jump_in_radius: Jump | None
     method: str
+    in_wind: MotionInWind | None = None
 
     @property
     def settled(self) -> bool:
@@ -133,8 +169,20 @@ class EndMass:
         """
         return self.time_on_orbit >= self.settling_time
 
+    @property
+    def lowest_height_above_home(self) -> float:
+        """As `height_above_home`, where the end mass is lowest in a turn."""
+        if self.in_wind is None:
+            return self.height_above_home
+        return self.height_above_home + float(self.in_wind.path[:, 2].min() - self.position[2])
+
     def circle(self, count: int = 72) -> np.ndarray:
-        """Positions over one orbit from now on, (count, 3) east, north, up [m]."""
+        """Positions over one orbit from now on, (count, 3) east, north, up [m].
+
+        In wind they are those of `MotionInWind.path`.
+        """
+        if self.in_wind is not None:
+            return self.in_wind.path
         start = self.position[:2] - self.circle_center[:2]
         # The motion is at a right angle to the radius, to its left if anticlockwise.
         left = np.array([-start[1], start[0]])
@@ -177,8 +225,7 @@ class Prediction:
         Density used [kg/m^3]; nan where there is no orbit.
     warnings : tuple of Warning
     wind : Wind or None
-        The wind believed, see `ctcbs_ros.prediction.wind_choice`; the end mass is predicted in
-        still air all the same.
+        The wind believed, see `ctcbs_ros.prediction.wind_choice`.
     """
 
     time: float

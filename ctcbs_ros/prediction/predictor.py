@@ -15,13 +15,20 @@ from ctcbs_ros.geodesy import Datum, point_to_geodetic, to_geodetic
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.settings import OrbitSettings
-from ctcbs_ros.orbit.wind import WindEstimator, WindSettings
+from ctcbs_ros.orbit.wind import Wind, WindEstimator, WindSettings
+from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Warning
 from ctcbs_ros.prediction.history import History
 from ctcbs_ros.prediction.in_si import end_mass_in_si, state_in_si
 from ctcbs_ros.prediction.pose import end_mass_position
-from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Geodetic, Prediction
+from ctcbs_ros.prediction.prediction import (
+    EndMass,
+    EndMassState,
+    Geodetic,
+    MotionInWind,
+    Prediction,
+)
 from ctcbs_ros.prediction.warnings import (
     end_mass_warnings,
     envelope_warnings,
@@ -34,6 +41,7 @@ from ctcbs_ros.prediction.warnings import (
     wind_warnings,
 )
 from ctcbs_ros.prediction.wind_choice import WindChoice, user_wind
+from ctcbs_ros.prediction.wind_follower import WindFollower
 from ctcbs_ros.scaling import FlightPoint, flight_point
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
@@ -75,6 +83,8 @@ class Predictor:
         )
         self._wind = WindChoice(user_wind(configuration.wind))
         self._history = History()
+        self._follower = WindFollower()
+        self._at_airspeed = False
         self._orbiting = False
         self._flight: int | None = None
         self._last_time = nan
@@ -144,6 +154,7 @@ class Predictor:
             self._wind_of_turn.reset()
             self._wind.reset()
             self._history.end()
+            self._follower.reset()
             self._orbiting = False
         local = self._frame.localize(sample)
         if local is None:
@@ -223,7 +234,7 @@ class Predictor:
             orbit.radius, orbit.speed, self._configuration.envelope
         )
         self._wind.shown(self._wind_of_turn.estimate(orbit))
-        warnings += wind_warnings(self._wind.at(orbit.time), orbit)
+        wind = self._wind.at(orbit.time)
         try:
             point = self._point(orbit.radius, orbit.speed, density)
         except InputError as error:
@@ -234,14 +245,19 @@ class Predictor:
                     "the standard atmosphere, -5 to 20 km"
                 )
             warnings.append(no_solution(reason))
+            warnings += wind_warnings(wind, orbit)
             return self._prediction(sample, orbit, local, None, density, warnings)
         guesses = self._table.guesses(point) if self._table is not None else None
         tracked = self._history.track(point.parameters, guesses)
         warnings += tracking_warnings(tracked, orbit.radius)
         if tracked.state is None:
+            warnings += wind_warnings(wind, orbit)
             return self._prediction(sample, orbit, local, None, density, warnings)
+        in_wind = self._in_wind(wind, orbit, density, tracked)
+        if in_wind is None:
+            warnings += wind_warnings(wind, orbit, self._follower.reason)
         try:
-            end_mass = self._described(orbit, time_on_orbit, local, point, tracked)
+            end_mass = self._described(orbit, time_on_orbit, local, point, tracked, in_wind)
         except ArithmeticError as error:
             warnings.append(no_solution(str(error)))
             return self._prediction(sample, orbit, local, None, density, warnings)
@@ -251,11 +267,14 @@ class Predictor:
 
     def _described(
         self, orbit: Orbit, time_on_orbit: float, local: LocalSample, point: FlightPoint,
-        tracked: Tracked,
+        tracked: Tracked, in_wind: MotionInWind | None,
     ) -> EndMass | None:
         may_end = self._table is None or self._table.may_end(point)
         outlook = self._history.outlook(tracked, may_end)
-        position = end_mass_position(orbit, point, tracked.state)
+        if in_wind is None:
+            position = end_mass_position(orbit, point, tracked.state)
+        else:
+            position = in_wind.position
         if not np.all(np.isfinite(position)):
             return None
         ground_up = self._frame.up_of_amsl(self._limits.ground_level_amsl)
@@ -263,8 +282,24 @@ class Predictor:
             ground_up = local.home_up
         geodetic = self._geodetic(position)
         return end_mass_in_si(
-            orbit, time_on_orbit, point, tracked, outlook, position, geodetic, ground_up
+            orbit, time_on_orbit, point, tracked, outlook, position, geodetic, ground_up,
+            in_wind,
         )
+
+    def _in_wind(
+        self, wind: Wind | None, orbit: Orbit, density: float, tracked: Tracked
+    ) -> MotionInWind | None:
+        """The motion in the wind believed; None where there is none, or no such motion."""
+        if wind is None:
+            self._follower.reset()
+            return None
+        past = wind.velocity - orbit.drift
+        self._at_airspeed = self._wind_of_turn.holds_airspeed(wind.velocity, self._at_airspeed)
+        kind = AIRSPEED if self._at_airspeed else GROUND_SPEED
+        return self._follower.update(
+            orbit, lambda radius, speed: self._point(radius, speed, density).parameters,
+            tracked.state, past, wind.covariance, kind,
+        )  # fmt: skip
 
     def _geodetic(self, position: np.ndarray) -> Geodetic:
         datum = self.datum

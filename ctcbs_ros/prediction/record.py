@@ -115,6 +115,7 @@ def end_mass_fields(end_mass: EndMass) -> Record:
         "end_mass_altitude_above": altitude_reference(geodetic.ellipsoidal),
         "end_mass_height_above_home_m": finite(end_mass.height_above_home),
         **state_fields(end_mass.state),
+        **_motion_in_wind(end_mass),
         "settling_time_s": finite(end_mass.settling_time),
         "time_on_orbit_s": finite(end_mass.time_on_orbit),
         "settled": end_mass.settled,
@@ -165,6 +166,20 @@ def _enu(name: str, position: np.ndarray) -> Record:
     return {
         f"{name}_{axis}_m": finite(value)
         for axis, value in zip(("east", "north", "up"), position, strict=True)
+    }
+
+
+def _motion_in_wind(end_mass: EndMass) -> Record:
+    """Mean place over a turn, and how far the end mass leaves it; "wind_modelled" or still air."""
+    motion, mean = end_mass.in_wind, end_mass.circle_center
+    excursion = end_mass.state.radius
+    if motion is not None:
+        excursion = np.hypot(*(motion.path - mean)[:, :2].T).max()
+    return {
+        "wind_modelled": motion is not None,
+        **_enu("end_mass_mean", mean),
+        "end_mass_excursion_m": finite(excursion),
+        "end_mass_lowest_above_home_m": finite(end_mass.lowest_height_above_home),
     }
 
 

@@ -82,8 +82,10 @@ def envelope_warnings(radius: float, speed: float, envelope: Envelope) -> list[W
     return found
 
 
-def wind_warnings(wind: Wind | None, orbit: Orbit) -> list[Warning]:
+def wind_warnings(wind: Wind | None, orbit: Orbit, reason: str = "") -> list[Warning]:
     """WIND_UNMODELLED where the air moves past the circle, or nobody knows whether it does.
+
+    For predictions in still air, with the reason why they are, if there is one.
 
     A circle that drifts with the air is one in still air to the aircraft and what it tows.
     """
@@ -94,8 +96,9 @@ def wind_warnings(wind: Wind | None, orbit: Orbit) -> list[Warning]:
         by = f"by {_SOURCES[wind.source]}" + (f": {wind.note}" if wind.note else "")
         circle = f", {past:.1f} m/s past a drifting circle" if orbit.drift.any() else ""
         text = (
-            f"wind {described(wind)}, +- {wind.sigma:.1f} m/s ({by}){circle}; the position "
-            "holds in still air only: do not use it"
+            f"wind {described(wind)}, +- {wind.sigma:.1f} m/s ({by}){circle}; "
+            + (f"{reason}; " if reason else "")
+            + "the position holds in still air only: do not use it"
         )
         return [_warn(WarningCode.WIND_UNMODELLED, text)]
     return []
@@ -127,7 +130,7 @@ def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) ->
         end_mass.jump_in_speed, end_mass.jump_in_radius, limits, end_mass.fold_distance
     )
     found += tension_warnings(end_mass.state, cable, limits)
-    return found + ground_warnings(end_mass.height_above_home, limits)
+    return found + ground_warnings(end_mass.lowest_height_above_home, limits)
 
 
 def stability_warnings(

@@ -7,6 +7,7 @@ from math import exp, log
 import numpy as np
 
 from ctcbs_ros.kernels import continuation
+from ctcbs_ros.pieces import drained
 from ctcbs_ros.solver.family import ANGULAR_RATE, RADIUS_AT_SPEED, Family
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import TOLERANCE, SteadyState, correct_state
@@ -185,15 +186,6 @@ def branch_end_search(
         tau, radius = float(path.tau[-1]), float(path.end_mass_radius[-1])
         parameters, passed = family.at(parameters, tau), passed + direction * tau
         yield
-
-
-def drained(search: Generator):
-    """What a search returns, once it has been run through."""
-    while True:
-        try:
-            next(search)
-        except StopIteration as found:
-            return found.value
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,8 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from math import log
 
-from ctcbs_ros.solver.branches import BEYOND, Fold, beyond, drained, trace
+from ctcbs_ros.pieces import drained
+from ctcbs_ros.solver.branches import BEYOND, Fold, beyond, trace
 from ctcbs_ros.solver.family import RADIUS_AT_SPEED, Family
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import stability

@@ -1,0 +1,147 @@
+"""The motion in the wind, followed from orbit to orbit at a bounded cost a sample.
+
+It is solved now and then, in pieces shared out over the samples; in between it is linear.
+"""
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from ctcbs_ros.errors import InputError
+from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.prediction.jumps import is_on_another_branch
+from ctcbs_ros.prediction.prediction import MotionInWind
+from ctcbs_ros.prediction.wind_motion import (
+    Flight,
+    LinearMotion,
+    Scaled,
+    linear_motion_search,
+    motion_in_wind,
+)
+from ctcbs_ros.solver.blas import one_blas_thread
+from ctcbs_ros.solver.steady_state import SteadyState
+
+# Distance (see `Flight.distance`) from where the motion was solved: from which it is solved anew,
+# and up to which it is used until that is done.
+_ANEW, _USED = 0.02, 0.08
+# Distance from where none was found, from which one is looked for before another turn is over.
+_ELSEWHERE = 0.1
+# Work a sample, in that of `newton.work`: 30 ms of one core.
+_PIECE = 0.8
+
+
+@dataclass(frozen=True)
+class _Failed:
+    """Where no motion was found, when, and why."""
+
+    flight: Flight
+    time: float
+    reason: str
+
+
+class WindFollower:
+    """Follows the periodic motion from orbit to orbit."""
+
+    def __init__(self):
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the motion: the next one is continued from still air."""
+        self._solved: LinearMotion | None = None
+        self._search = self._sought = None
+        self._state: SteadyState | None = None
+        self._failed: _Failed | None = None
+        self.reason = ""
+
+    @property
+    def searching(self) -> bool:
+        """Whether a motion is being solved."""
+        return self._search is not None
+
+    def update(
+        self,
+        orbit: Orbit,
+        scaled: Scaled,
+        state: SteadyState,
+        velocity: np.ndarray,
+        covariance: np.ndarray,
+        kind: str,
+    ) -> MotionInWind | None:
+        """The motion on the present orbit.
+
+        Parameters
+        ----------
+        orbit : Orbit
+        scaled : callable
+            Parameters at a tow radius [m] and a speed [m/s].
+        state : SteadyState
+            Flown, in still air.
+        velocity : (2,) ndarray
+            Of the air past the circle, towards east and north [m/s].
+        covariance : (2, 2) ndarray
+            Of that.
+        kind : str
+            What is constant round the circle, see `TowPath`.
+
+        Returns
+        -------
+        MotionInWind or None
+            None where there is no motion, or none yet; then `reason` says why.
+        """
+        flight = Flight.of(orbit, float(np.hypot(*velocity)), kind, state.parameters)
+        self._forget_others(state, flight)
+        if self._search is None and self._is_due(flight, orbit.time):
+            before = None if self._solved is None else self._solved.motion
+            self._search = linear_motion_search(flight, scaled, state, before)
+            self._sought = flight
+        if self._search is not None:
+            self._search_on(orbit.time)
+        if self._solved is None or self._solved.flight.distance(flight) > _USED:
+            if self._search is not None:
+                self.reason = "the motion in this wind is still being solved"
+            return None
+        try:
+            return motion_in_wind(self._solved, orbit, flight, velocity, covariance)
+        except InputError as error:  # beside it lies a wind as fast as the aircraft
+            self.reason = str(error)
+            return None
+
+    def _forget_others(self, state: SteadyState, flight: Flight) -> None:
+        """Forget the motion of another branch or another kind of flight."""
+        known = self._solved.flight if self._solved is not None else self._sought
+        if (
+            (self._state is not None and is_on_another_branch(self._state, state))
+            or (known is not None and known.kind != flight.kind)
+        ):
+            self.reset()
+        self._state = state
+
+    def _is_due(self, flight: Flight, time: float) -> bool:
+        if self._solved is not None:
+            return self._solved.flight.distance(flight) > _ANEW
+        there = self._failed
+        if there is None:
+            return True
+        moved = there.flight.distance(flight)
+        turn = 2.0 * pi / flight.rate
+        return moved > _ELSEWHERE or (moved > _ANEW and time - there.time > turn)
+
+    def _search_on(self, time: float) -> None:
+        """One more piece of the search."""
+        left = _PIECE
+        with one_blas_thread():
+            while left > 0.0:
+                try:
+                    left -= next(self._search)
+                except StopIteration as ended:
+                    self._search = None
+                    self._take(ended.value, time)
+                    return
+
+    def _take(self, found: LinearMotion | str, time: float) -> None:
+        if isinstance(found, str):
+            self._solved, self.reason = None, found
+            self._failed = _Failed(self._sought, time, found)
+        else:
+            self._solved, self._failed, self.reason = found, None, ""

@@ -1,0 +1,186 @@
+"""The end mass in the wind as the predictor follows it, against motions solved for each orbit."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from folding_flight import folding_configuration
+
+from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.periodic.circle import Circle, end_mass_position, end_mass_velocity, motion_on
+from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED
+from ctcbs_ros.prediction import wind_follower
+from ctcbs_ros.prediction.wind_follower import WindFollower
+from ctcbs_ros.scaling import flight_point
+from ctcbs_ros.solver.steady_state import steady_states
+
+AIR = 1.2
+# Configuration, tow radius, speed and wind towards east and north.
+FLIGHTS = {
+    "small drone": ("small_drone", 80.0, 20.0, (3.0, 4.0)),
+    "design example": ("design_example", 250.0, 50.0, (-4.0, 2.0)),
+}
+SIGMAS = np.array([0.3, 0.4, 0.5, 0.4, 1e-3, 4e-3])  # centre, radius [m], rate [rad/s], phase
+CENTER = np.array([10.0, -20.0, 300.0])
+
+
+def orbit_of(radius, rate, sense=1, phase=0.7, center=CENTER):
+    """An orbit with independent errors."""
+    covariance = np.zeros((9, 9))
+    covariance[:6, :6] = np.diag(SIGMAS**2)
+    return Orbit(
+        time=0.0, start_time=-30.0, center=np.asarray(center, float), radius=radius,
+        angular_rate=rate, sense=sense, phase=phase, climb_rate=0.0, rms_residual=1.0, arc=6.3,
+        samples=100, covariance=covariance, drift=np.zeros(2),
+    )  # fmt: skip
+
+
+def scaled(name):
+    """The configuration's parameters at a tow radius and a speed."""
+    configuration = load_configuration(FLIGHTS[name][0])
+    return lambda radius, speed: flight_point(configuration, radius, speed, AIR).parameters
+
+
+def updated(follower, name, orbit, wind, kind=GROUND_SPEED, sigma=0.5):
+    """What the follower makes of an orbit, once it has solved what it wants to."""
+    state = steady_states(scaled(name)(orbit.radius, orbit.speed)).states[0]
+    return settled(follower, orbit, scaled(name), state, wind, sigma, kind)
+
+
+def settled(follower, orbit, scaled, state, wind, sigma, kind):
+    """The same of a state."""
+    for _ in range(500):
+        covariance = sigma**2 * np.eye(2)
+        motion = follower.update(orbit, scaled, state, np.asarray(wind), covariance, kind)
+        if not follower.searching:
+            return motion
+    raise AssertionError("the search does not end")
+
+
+@cache
+def follower_of(name, kind):
+    """A follower that has solved a flight, and that flight."""
+    _, radius, speed, wind = FLIGHTS[name]
+    follower = WindFollower()
+    assert updated(follower, name, orbit_of(radius, speed / radius), wind, kind) is not None
+    return follower
+
+
+def solved(name, orbit, wind, kind):
+    """The circle and its motion, solved for this very orbit."""
+    circle = Circle(orbit.radius, orbit.angular_rate, orbit.sense, *wind, kind)
+    state = steady_states(scaled(name)(orbit.radius, orbit.speed)).states[0]
+    found = motion_on(circle, state, accuracy=1e-4)
+    return circle, found.motion
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("kind", [GROUND_SPEED, AIRSPEED])
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_between_its_solutions_the_motion_is_within_a_five_hundredth_of_the_tow_radius(
+    name, kind, sense
+):
+    _, radius, speed, wind = FLIGHTS[name]
+    follower = follower_of(name, kind)
+    for longer, faster, later, stronger in ((1.0, 1.0, 0.0, 1.0), (1.015, 0.99, -2.0, 1.04)):
+        orbit = orbit_of(radius * longer, speed / radius * faster, sense, 0.7 + later)
+        now = stronger * np.array(wind) + [0.0, 0.1]
+        motion = updated(follower, name, orbit, now, kind)
+        circle, exact = solved(name, orbit, now, kind)
+        there = CENTER + end_mass_position(circle, exact, orbit.phase)
+        assert motion.position == pytest.approx(there, abs=0.002 * radius)
+        assert motion.path[0] == pytest.approx(motion.position, abs=1e-6)
+        assert motion.cable[0] == pytest.approx(motion.position, abs=1e-6)
+        tow = orbit.radius * np.array([np.cos(orbit.phase), np.sin(orbit.phase), 0.0])
+        assert motion.cable[-1] == pytest.approx(CENTER + tow, abs=1e-6)
+        moves = end_mass_velocity(circle, exact, orbit.phase)
+        off = motion.yaw - np.arctan2(moves[1], moves[0])
+        speed_there = np.hypot(*moves[:2])
+        assert abs((off + np.pi) % (2 * np.pi) - np.pi) * speed_there < 0.01 * orbit.speed
+        assert motion.mean == pytest.approx(
+            CENTER + radius * longer * circle.in_field(exact.mean), abs=0.002 * radius
+        )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sense", [1, -1])
+def test_drawn_orbits_and_winds_spread_the_end_mass_as_stated(sense):
+    name, random = "small drone", np.random.default_rng(4)
+    _, radius, speed, wind = FLIGHTS[name]
+    orbit = orbit_of(radius, speed / radius, sense)
+    motion = updated(WindFollower(), name, orbit, wind, sigma=0.3)
+    _, base = solved(name, orbit, wind, GROUND_SPEED)
+    places = []
+    for _ in range(60):
+        off = SIGMAS * random.normal(size=6)
+        air = wind + 0.3 * random.normal(size=2)
+        drawn = orbit_of(
+            radius + off[3], speed / radius + off[4], sense, 0.7 + off[5], CENTER + off[:3]
+        )
+        circle = Circle(drawn.radius, drawn.angular_rate, sense, *air, GROUND_SPEED)
+        state = steady_states(scaled(name)(drawn.radius, drawn.speed)).states[0]
+        found = motion_on(circle, state, before=base)
+        places.append(drawn.center + end_mass_position(circle, found.motion, drawn.phase))
+    # 60 draws tell a deviation to 9 %.
+    drawn = np.sqrt(np.diag(np.cov(np.array(places).T)))
+    assert np.sqrt(np.diag(motion.covariance)[:3]) == pytest.approx(drawn, rel=0.3)
+    # A wind of 0.3 m/s counts for more than all errors of the orbit.
+    calm = updated(WindFollower(), name, orbit, wind, sigma=1e-3)
+    assert calm.covariance[:3, :3].trace() < 0.5 * motion.covariance[:3, :3].trace()
+
+
+def test_without_wind_it_is_the_steady_state():
+    name = "small drone"
+    _, radius, speed, _ = FLIGHTS[name]
+    orbit = orbit_of(radius, speed / radius)
+    motion = updated(WindFollower(), name, orbit, (0.0, 0.0))
+    state = steady_states(scaled(name)(radius, speed)).states[0]
+    angle = orbit.phase - state.phase_lag
+    place = radius * np.array(
+        [*(state.end_mass_radius * np.array([np.cos(angle), np.sin(angle)])), -state.depth]
+    )
+    assert motion.position == pytest.approx(CENTER + place, abs=5e-4 * radius)
+    assert motion.mean[:2] == pytest.approx(CENTER[:2], abs=5e-4 * radius)
+    assert np.isfinite(motion.covariance).all()
+
+
+def test_it_is_solved_anew_only_where_the_flight_has_moved(monkeypatch):
+    name, count = "small drone", []
+    _, radius, speed, wind = FLIGHTS[name]
+
+    def counted(*arguments):
+        count.append(arguments)
+        return original(*arguments)
+
+    original = wind_follower.linear_motion_search
+    monkeypatch.setattr(wind_follower, "linear_motion_search", counted)
+    follower = WindFollower()
+    for factor in (1.0, 1.01, 0.99, 1.03):
+        updated(follower, name, orbit_of(radius * factor, speed / radius), wind)
+    assert len(count) == 2
+    updated(follower, name, orbit_of(radius * 1.03, speed / radius), wind, AIRSPEED)
+    assert len(count) == 3
+    # A wind without a motion is not tried with each sample.
+    for _ in range(3):
+        assert updated(follower, name, orbit_of(radius, speed / radius), (22.0, 0.0)) is None
+        assert "below 1" in follower.reason
+    assert len(count) == 4
+
+
+def test_after_a_jump_the_motion_is_that_of_the_other_branch():
+    configuration = folding_configuration(youngs_modulus=4e11)
+
+    def of(radius, speed):
+        return flight_point(configuration, radius, speed, AIR).parameters
+
+    states = steady_states(of(100.0, 31.3)).states
+    small, large = states[0], states[-1]
+    follower, orbit = WindFollower(), orbit_of(100.0, 0.313)
+    places = [
+        settled(follower, orbit, of, state, (0.2, 0.0), 0.1, GROUND_SPEED)
+        for state in (small, large)
+    ]
+    for motion, state in zip(places, (small, large), strict=True):
+        out = np.hypot(*(motion.path[:, :2] - CENTER[:2]).T)
+        assert out.mean() == pytest.approx(100.0 * state.end_mass_radius, rel=0.1)
