@@ -13,7 +13,6 @@ from ctcbs_ros.replay.tables import BEACON, PREDICTIONS, SAMPLES
 TRACK, MARGIN, END_MASS = "track.png", "margin.png", "end_mass.png"
 MEASURED = "beacon.png"
 MOST_ROWS = 20_000  # drawn of a table; a longer one is thinned
-MOST_ORBITS = 8  # drawn as circles, the longest
 LEAST_GAP = 3.0  # usual steps without a row that interrupt a line
 LEAST_SPAN = 10.0  # m of an axis of heights, so that decimetres do not look like a change
 SETTLING = 0.45  # opacity of what is predicted before the end mass has had time to settle
@@ -21,6 +20,12 @@ TICK = 0.004  # part of the flight that a single warning is drawn as, at least
 
 BEACON_COLOR = "tab:green"
 TOW, MASS, OTHER, REST, LIMIT = "tab:blue", "tab:orange", "0.6", "0.75", "tab:red"
+# Of the orbits, told apart from those above and from each other.
+ORBITS = (
+    "black", "tab:red", "tab:purple", "tab:brown", "deeppink", "tab:olive", "darkturquoise",
+    "navy",
+)  # fmt: skip
+MOST_ORBITS = len(ORBITS)  # drawn as circles, the longest
 BLAND = ("NOT_ORBITING",)  # a state of the flight rather than a danger
 GRAVE = ("NO_SOLUTION", "JUMPED", "UNSTABLE", "STALE_TELEMETRY", "GROUND_PROXIMITY")
 
@@ -29,7 +34,7 @@ Table = dict[str, list[str]]
 
 def write_plots(
     folder: Path, orbits: list[dict[str, Any]], limits: WarningLimits, title: str
-) -> None:
+) -> str:
     """Draw the plots of a replay beside its tables.
 
     Parameters
@@ -43,8 +48,15 @@ def write_plots(
         Drawn as lines.
     title : str
         Name of the flight.
+
+    Returns
+    -------
+    str
+        Why none is drawn; empty where they are.
     """
     predictions, samples = _read(folder / PREDICTIONS), _read(folder / SAMPLES)
+    if not np.isfinite(_column(samples, "time_s")).any():
+        return "no sample was believed" if samples["time_s"] else "the log has no sample"
     beacon = _read(folder / BEACON) if (folder / BEACON).exists() else None
     figures = [
         (TRACK, track_figure(predictions, samples, orbits, beacon)),
@@ -56,6 +68,7 @@ def write_plots(
     for name, figure in figures:
         figure.suptitle(title)
         figure.savefig(folder / name, dpi=120)
+    return ""
 
 
 def track_figure(
@@ -85,12 +98,13 @@ def track_figure(
         axes.plot(
             *measured, ".", markersize=1.5, color=BEACON_COLOR, label="end mass, by its beacon"
         )
+    colors = iter(ORBITS)
     for number, orbit in enumerate(orbits, 1):
         during = (time >= orbit["start_s"]) & (time <= orbit["end_s"])
         if orbit in longest and during.any():
             east = np.median(_column(predictions, "orbit_center_east_m")[during])
             north = np.median(_column(predictions, "orbit_center_north_m")[during])
-            _draw_orbit(axes, number, orbit, east, north)
+            _draw_orbit(axes, number, orbit, east, north, next(colors))
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("east [m]")
     axes.set_ylabel("north [m]")
@@ -246,15 +260,17 @@ def beacon_figure(beacon: Table, samples: Table):
     return figure
 
 
-def _draw_orbit(axes, number: int, orbit: dict[str, Any], east: float, north: float) -> None:
+def _draw_orbit(
+    axes, number: int, orbit: dict[str, Any], east: float, north: float, color: str
+) -> None:
     """Centre and circles of an orbit; its number stands where other orbits' do not."""
     where = (0.25 - 0.9 * number) * pi
-    axes.plot(east, north, "+", color="black")
+    axes.plot(east, north, "+", color=color)
     axes.annotate(
         f"{number}",
         (east + orbit["radius_m"] * np.cos(where), north + orbit["radius_m"] * np.sin(where)),
-        ha="center", va="center", fontsize="small",
-        bbox={"boxstyle": "circle,pad=0.2", "facecolor": "white", "linewidth": 0.6},
+        ha="center", va="center", fontsize="small", fontweight="bold", color="white",
+        bbox={"boxstyle": "circle,pad=0.2", "facecolor": color, "edgecolor": "white"},
     )  # fmt: skip
     text = f"orbit {number}: {orbit['turns']:.1f} turns of {orbit['radius_m']:.1f} m"
     if orbit["end_mass_radius_m"] is not None:
@@ -264,7 +280,7 @@ def _draw_orbit(axes, number: int, orbit: dict[str, Any], east: float, north: fl
         if radius is not None:
             axes.plot(
                 east + radius * np.cos(angle), north + radius * np.sin(angle),
-                color="black", linewidth=0.8, linestyle=(0, (4, 4)), label=label,
+                color=color, linewidth=1.8, linestyle=(0, (3, 5)), label=label,
             )  # fmt: skip
 
 

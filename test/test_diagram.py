@@ -335,7 +335,16 @@ def test_parameters_beyond_table_2_1_are_computed_with_a_note():
     ("arguments", "said"),
     [
         (["--vary", "omega", "--from", "1", "--to", "2"], "missing: --length"),
-        (["--vary", "speed", "--from", "1", "--to", "2"], "needs --config"),
+        (["--vary", "speed", "--from", "1", "--to", "2"], "needs --config; without it vary omega"),
+        (
+            ["--vary", "wind", "--from", "1", "--to", "2"],
+            "'wind' cannot vary; omega, length, end-mass, cable-drag or drag-ratio can, and with "
+            "--config radius, speed or cable-length",
+        ),
+        (
+            ["--vary", "end_mass", "--from", "1", "--to", "2", "--config", "small_drone"],
+            "--vary end-mass: not with --config; vary radius, speed or cable-length",
+        ),
         (["--vary", "omega", "--omega", "1", "--from", "1", "--to", "2"], "--omega 1: not with"),
         (["--vary", "omega", "--radius", "80", "--from", "1", "--to", "2"], "--radius: only with"),
         (

@@ -24,7 +24,12 @@ from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import end_mass_fields, prediction_record
 from ctcbs_ros.replay import core
 from ctcbs_ros.replay.folder import complete_folder
-from ctcbs_ros.replay.tables import PREDICTION_COLUMNS, SAMPLE_COLUMNS
+from ctcbs_ros.replay.tables import (
+    PREDICTION_COLUMNS,
+    PREDICTIONS,
+    SAMPLE_COLUMNS,
+    SAMPLES,
+)
 from ctcbs_ros.replay.text import SKIPS, WARNINGS, summary_text
 from ctcbs_ros.table import table_for
 from ctcbs_ros.telemetry.skip_code import SkipCode
@@ -306,6 +311,43 @@ def shown(figure, directory):
     """The figure drawn, which is what gives its parts their places."""
     figure.savefig(directory / "figure.png")
     return figure
+
+
+def test_orbits_of_the_track_are_told_apart_by_their_colours(tmp_path):
+    orbits = [
+        {"turns": 2.0, "radius_m": 60.0 + i, "end_mass_radius_m": 30.0, "start_s": 10 * i,
+         "end_s": 10 * i + 9}
+        for i in range(8)
+    ]  # fmt: skip
+    rows = [
+        {"time_s": t, "orbit_center_east_m": 100.0 * (t // 10), "orbit_center_north_m": 0.0}
+        for t in range(80)
+    ]
+    predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+    figure = shown(plots.track_figure(predictions, samples, orbits), tmp_path)
+    lines = figure.axes[0].lines
+    colors = [line.get_color() for line in lines if str(line.get_label()).startswith("orbit ")]
+    assert len(set(colors)) == 8
+    others = {plots.TOW, plots.MASS, plots.REST, plots.BEACON_COLOR}
+    assert not set(colors) & others
+
+
+@pytest.mark.parametrize(
+    ("rows", "why"), [([], "the log has no sample"), ([{"skip": "BAD_FIX"}], "no sample was")]
+)
+def test_of_a_log_without_believed_samples_no_picture_is_drawn_and_why_is_told(
+    rows, why, tmp_path
+):
+    for name, columns, content in (
+        (PREDICTIONS, PREDICTION_COLUMNS, []), (SAMPLES, SAMPLE_COLUMNS, rows),
+    ):  # fmt: skip
+        with open(tmp_path / name, "w", newline="") as file:
+            writer = csv.DictWriter(file, columns)
+            writer.writeheader()
+            writer.writerows(content)
+    limits = load_configuration(DRONE).limits
+    assert plots.write_plots(tmp_path, [], limits, "flight").startswith(why)
+    assert not list(tmp_path.glob("*.png"))
 
 
 def test_legend_of_the_track_lies_inside_the_picture_with_as_many_orbits_as_are_drawn(tmp_path):

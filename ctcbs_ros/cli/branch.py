@@ -1,5 +1,6 @@
 """`ctcbs branch`: every branch of steady states in one varying parameter, with its events."""
 
+import argparse
 import csv
 import sys
 from collections import Counter
@@ -43,9 +44,9 @@ def add_parser(subparsers) -> None:
         "such branches the folds that join them are beyond the range. The others are isolated.",
     )
     parser.add_argument(
-        "--vary", required=True, choices=(*_NONDIMENSIONAL, *_SI),
-        type=lambda name: name.replace("_", "-"),
-        help="what varies; radius [m], speed [m/s] and cable-length [m] with --config",
+        "--vary", required=True, metavar="WHAT", type=_varied,
+        help=f"what varies: {_one_of(_NONDIMENSIONAL)}; with --config radius [m], speed [m/s] or "
+        "cable-length [m]",
     )
     parser.add_argument("--from", dest="low", type=float, required=True, metavar="X")
     parser.add_argument("--to", dest="high", type=float, required=True, metavar="X")
@@ -55,6 +56,21 @@ def add_parser(subparsers) -> None:
     parser.add_argument("--plot", metavar="FILE", help="draw the diagram (PNG, PDF or SVG)")
     parser.add_argument("--json", action="store_true", help="the result as JSON on stdout")
     parser.set_defaults(run=run)
+
+
+def _varied(name: str) -> str:
+    found = name.replace("_", "-")
+    if found not in (*_NONDIMENSIONAL, *_SI):
+        raise argparse.ArgumentTypeError(
+            f"{name!r} cannot vary; {_one_of(_NONDIMENSIONAL)} can, and with --config "
+            f"{_one_of(_SI)}"
+        )
+    return found
+
+
+def _one_of(names) -> str:
+    *names, last = names
+    return f"{', '.join(names)} or {last}"
 
 
 def run(args) -> int:
@@ -185,9 +201,11 @@ def _problem(args) -> _Problem:
     key = args.vary.replace("-", "_")
     in_si = args.vary in _SI
     if in_si and args.config is None:
-        raise InputError(f"--vary {args.vary}: needs --config")
+        raise InputError(
+            f"--vary {args.vary}: needs --config; without it vary {_one_of(_NONDIMENSIONAL)}"
+        )
     if not in_si and args.config is not None:
-        raise InputError(f"--vary {args.vary}: not with --config; vary {' or '.join(_SI)}")
+        raise InputError(f"--vary {args.vary}: not with --config; vary {_one_of(_SI)}")
     if getattr(args, key) is not None:
         raise InputError(
             f"--{args.vary} {getattr(args, key):g}: not with --vary {args.vary}, which goes "

@@ -74,8 +74,10 @@ def run(args) -> int:
         if args.out:
             with complete_folder(args.out) as folder:
                 summary = _replay_into(folder, replay, beacon is not None)
-                write_plots(folder, summary["orbits"], configuration.limits, Path(args.log).name)
-            print(f"Results: {args.out}", file=sys.stderr)
+                title, limits = Path(args.log).name, configuration.limits
+                why_none = write_plots(folder, summary["orbits"], limits, title)
+            pictures = f" (no pictures: {why_none})" if why_none else ""
+            print(f"Results: {args.out}{pictures}", file=sys.stderr)
         else:
             summary = replay(lambda record: None, lambda record: None)
     except NodeFailure as error:
