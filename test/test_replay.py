@@ -171,6 +171,47 @@ def test_text_of_the_summary_says_which_orbits_were_too_short_to_settle_on(core_
     assert orbit["settling_time_s"] == pytest.approx(log(20.0) / orbit["margin_per_s"])
 
 
+def test_text_of_the_summary_says_what_its_seconds_are(core_replay):
+    records, summary = core_replay
+    first = next(record for record in records if record["skip"] is None)
+    assert summary["start"] == {key: first[key] for key in ("vehicle_time_s", "stamp_ns")}
+    text = summary_text(summary | {"wall_s": 1.0})
+    told = f"the first believed sample, at {first['vehicle_time_s']:.1f} s of the vehicle's clock."
+    assert told in text
+    assert "From, to: where the track came onto the circle and left it" in text
+    nothing = summary | {"wall_s": 1.0, "start": {"vehicle_time_s": None, "stamp_ns": None}}
+    assert "first believed sample" not in summary_text(nothing)
+
+
+@pytest.mark.parametrize(
+    ("skipped", "warned", "told"),
+    [
+        ({"JUMP": 2, "DUPLICATE": 5}, 2, "a position was not believed\n"),
+        ({"JUMP": 2}, 3, "a position was not believed (2), or used after a step, with the orbit"),
+        ({"DUPLICATE": 5}, 1, "a position was used after a step, with the orbit begun anew (1)"),
+    ],
+)
+def test_text_of_the_summary_tells_positions_not_believed_from_those_after_a_step(
+    core_replay, skipped, warned, told
+):
+    summary = core_replay[1] | {"wall_s": 1.0, "skipped": skipped, "warnings": {"BAD_FIX": warned}}
+    assert f"{warned}  BAD_FIX             {told}" in summary_text(summary)
+
+
+def test_wind_of_the_autopilot_that_the_flight_contradicts_is_told_in_the_summary(drone_table):
+    # Its WIND says some 7 m/s, and of the direction where it blows to.
+    records, summary = replayed(flight("plane_real_wind.tlog"), drone_table)
+    rejected = summary["autopilot_wind_rejected"]
+    notes = [r["wind_note"] for r in records if "the autopilot says" in (r.get("wind_note") or "")]
+    assert rejected["samples"] == len(notes) > 100
+    assert notes[-1].endswith(f"the autopilot says {rejected['newest']}")
+    speed, _, _, direction, *_ = rejected["newest"].split()
+    assert 5.0 < float(speed) < 9.0
+    assert abs(float(direction) - 211.0) < 30.0
+    text = summary_text(summary | {"wall_s": 1.0})
+    assert f"rejected at {len(notes)} samples, as the flight shows another; at last" in text
+
+
 def test_text_of_the_summary_gives_no_direction_of_a_wind_weaker_than_its_error(core_replay):
     (orbit,) = core_replay[1]["orbits"]
     calm = orbit | {"wind_source": "flight", "wind_speed_m_s": 0.02, "wind_from_deg": None}

@@ -29,6 +29,8 @@ AUTOPILOT_SIGMA = 1.5
 MOST_SIGMA = 1.5
 # Growth of its variance with its age, 1 m/s in 100 s [(m/s)^2/s].
 _AGEING = 0.01
+# In the note of a flight's wind, before that of an autopilot which it contradicts.
+REJECTED = "the autopilot says "
 
 
 class WindChoice:
@@ -82,7 +84,7 @@ class WindChoice:
         if autopilot is not None and flight is not None:
             if not contradict(autopilot, flight):
                 return _noted(autopilot, f"the flight shows {described(flight)}")
-            note = f"{flight.note}; the autopilot says {described(autopilot)}"
+            note = f"{flight.note}; {REJECTED}{described(autopilot)}"
             opposite = _turned(autopilot)
             if not contradict(opposite, flight):
                 note += ", the opposite: where it blows to"

@@ -15,6 +15,7 @@ from ctcbs_ros.prediction.prediction import Prediction
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import finite, sense_name
 from ctcbs_ros.prediction.tally import Tally
+from ctcbs_ros.prediction.wind_choice import REJECTED
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.source import LogSource
 
@@ -37,6 +38,9 @@ class Summary:
         self._predictor = predictor
         self._segments = OrbitSegments()
         self._first_time: float | None = None
+        self._first_stamp: int | None = None
+        # The autopilot's wind where the flight shows another: samples, and the newest in words.
+        self._winds_rejected, self._wind_rejected = 0, ""
         self._flights: set[int] = set()
         # End masses of the flight, thinned: time, radius of the end mass, density of the air.
         self._times, self._radii, self._densities = array("d"), array("d"), array("d")
@@ -49,7 +53,7 @@ class Summary:
         if prediction.skip is not None:
             return
         if self._first_time is None:
-            self._first_time = prediction.time
+            self._first_time, self._first_stamp = prediction.time, prediction.stamp_ns
         self._flights.add(prediction.flight)
         while self._times and self._times[-1] > prediction.time:  # of time stamps that were wrong
             for remembered in (
@@ -58,6 +62,9 @@ class Summary:
             ):  # fmt: skip
                 remembered.pop()
         self._segments.add(prediction.time, prediction.orbit, prediction.tow_point)
+        if prediction.wind is not None and REJECTED in prediction.wind.note:
+            self._winds_rejected += 1
+            self._wind_rejected = prediction.wind.note.partition(REJECTED)[2]
         if prediction.valid and (
             not self._times or prediction.time - self._times[-1] >= REMEMBERED_EVERY
         ):
@@ -77,14 +84,31 @@ class Summary:
         -------
         dict
             samples, predictions, skipped, warnings, wind_seen (of the samples warned of wind,
-            those where there is some), and orbits: for each its start and end in
-            seconds after the first believed sample, turns, radius, speed, sense, centre, and the
+            those where there is some), start: what is second 0, the first believed sample, by the
+            vehicle's clock and by its stamp (None where none was believed),
+            autopilot_wind_rejected: samples at which the flight showed another wind than the
+            autopilot, and the newest of the autopilot's in words, and orbits: for each its start
+            and end in seconds, turns, radius, speed, sense, centre, and the
             end mass's radius, depth, margin and settling time, which are None where no state was
             found or none settles, and the wind at its end, None where nobody knew; flights
             counts the boots of the vehicle that gave believed samples.
+
+        Notes
+        -----
+        An orbit's start and end are those of the circle as it is found with hindsight: it begins
+        where the track comes onto it. Predictions begin when half a turn has shown it, and may end
+        a quarter of a turn late.
         """
         orbits = [self._orbit(segment) for segment in self._segments.finish()]
-        return {**self.tally.as_dict(), "orbits": orbits, "flights": len(self._flights)}
+        return {
+            **self.tally.as_dict(),
+            "start": {"vehicle_time_s": self._first_time, "stamp_ns": self._first_stamp},
+            "autopilot_wind_rejected": {
+                "samples": self._winds_rejected, "newest": self._wind_rejected or None,
+            },
+            "orbits": orbits,
+            "flights": len(self._flights),
+        }  # fmt: skip
 
     def _orbit(self, segment: OrbitSegment) -> dict[str, Any]:
         state = None

@@ -6,6 +6,7 @@ from typing import Any
 from ctcbs_ros.beacon.comparison import Standing, Unmatched
 from ctcbs_ros.orbit.segments import LEAST_TURNS
 from ctcbs_ros.prediction.codes import WarningCode
+from ctcbs_ros.prediction.warnings import skip_warnings
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
 SKIPS = {
@@ -76,9 +77,21 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
         f"{_counted(summary['predictions'], 'prediction')} in {summary['wall_s']:.1f} s"
     )
     yield from _link_lines(summary)
+    if summary["start"]["vehicle_time_s"] is not None:
+        yield (
+            "Seconds below are from the first believed sample, at "
+            f"{summary['start']['vehicle_time_s']:.1f} s of the vehicle's clock."
+        )
     yield ""
     yield from _orbit_lines(summary["orbits"], summary["predictions"])
+    rejected = summary["autopilot_wind_rejected"]
+    if rejected["samples"]:
+        yield (
+            f"The autopilot's wind was rejected at {_counted(rejected['samples'], 'sample')}, as "
+            f"the flight shows another; at last it was {rejected['newest']}."
+        )
     texts = {code.value: text for code, text in WARNINGS.items()}
+    texts[WarningCode.BAD_FIX.value] = _bad_fix(summary)
     wind = WarningCode.WIND_UNMODELLED
     seen, all_told = summary["wind_seen"], summary["warnings"].get(wind.value, 0)
     texts[wind.value] = f"{_wind(seen, all_told - seen)}; {WARNINGS[wind]}"
@@ -112,6 +125,18 @@ def _counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def _bad_fix(summary: dict[str, Any]) -> str:
+    """What BAD_FIX was for: samples skipped, and samples that were used after a break."""
+    skipped = sum(n for code, n in summary["skipped"].items() if skip_warnings(SkipCode(code)))
+    stepped = summary["warnings"].get(WarningCode.BAD_FIX.value, 0) - skipped
+    if not stepped:
+        return WARNINGS[WarningCode.BAD_FIX]
+    used = f"used after a step, with the orbit begun anew ({stepped})"
+    return f"{WARNINGS[WarningCode.BAD_FIX]} ({skipped}), or {used}" if skipped else (
+        f"a position was {used}"
+    )
+
+
 def _wind(seen: int, unknown: int) -> str:
     if seen and unknown:
         return f"there is wind ({seen}), or it is not known ({unknown})"
@@ -139,6 +164,10 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
             f"{_number(orbit['end_mass_depth_m'], 7, 2)}  {_number(orbit['margin_per_s'], 10, 4)}"
             f"  {_number(orbit['settling_time_s'], 12, 0)}"
         )
+    yield (
+        "From, to: where the track came onto the circle and left it, as seen afterwards; "
+        "predictions begin when half a turn has shown it, and may end a quarter of a turn late."
+    )
     left = [number for number, orbit in enumerate(orbits, 1) if not _settled(orbit)]
     if left:
         yield (
