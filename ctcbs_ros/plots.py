@@ -273,15 +273,25 @@ def _draw_orbit(
         bbox={"boxstyle": "circle,pad=0.2", "facecolor": color, "edgecolor": "white"},
     )  # fmt: skip
     text = f"orbit {number}: {orbit['turns']:.1f} turns of {orbit['radius_m']:.1f} m"
-    if orbit["end_mass_radius_m"] is not None:
-        text += f", end mass {orbit['end_mass_radius_m']:.2f} m"
-    angle = np.linspace(0.0, 2.0 * pi, 181)
-    for radius, label in ((orbit["radius_m"], text), (orbit["end_mass_radius_m"], None)):
-        if radius is not None:
-            axes.plot(
-                east + radius * np.cos(angle), north + radius * np.sin(angle),
-                color=color, linewidth=1.8, linestyle=(0, (3, 5)), label=label,
-            )  # fmt: skip
+    about, radius = complex(east, north), orbit["end_mass_radius_m"]
+    if None not in (orbit.get("end_mass_downwind_m"), orbit.get("wind_from_deg")):
+        off = complex(orbit["end_mass_downwind_m"], orbit["end_mass_crosswind_m"])
+        spread = orbit["end_mass_horizontal_std_m"]
+        text += f", end mass {abs(off):.0f} +- {spread:.0f} m off in wind"
+        # Compass bearings go clockwise from north, and wind is named by where it comes from.
+        about += off * np.exp(1j * (1.5 * pi - np.radians(orbit["wind_from_deg"])))
+        radius = orbit["end_mass_excursion_m"]
+    elif radius is not None:
+        text += f", end mass {radius:.2f} m"
+    turn = np.exp(1j * np.linspace(0.0, 2.0 * pi, 181))
+    circles = [(complex(east, north) + orbit["radius_m"] * turn, text)]
+    if radius is not None:
+        circles.append((about + radius * turn, None))
+    for circle, label in circles:
+        axes.plot(
+            circle.real, circle.imag,
+            color=color, linewidth=1.8, linestyle=(0, (3, 5)), label=label,
+        )  # fmt: skip
 
 
 def _say_instead(axes, text: str) -> None:

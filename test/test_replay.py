@@ -73,7 +73,8 @@ def test_summary_has_the_keys_that_other_tools_rely_on(drone_log, drone_table):
     assert {
         "start_s", "end_s", "turns", "radius_m", "speed_m_s", "sense", "center",
         "end_mass_radius_m", "end_mass_depth_m", "margin_per_s", "wind_speed_m_s",
-        "wind_from_deg", "wind_source",
+        "wind_from_deg", "wind_source", "end_mass_downwind_m", "end_mass_crosswind_m",
+        "end_mass_horizontal_std_m", "end_mass_excursion_m",
     } <= set(orbit)  # fmt: skip
     assert "replay" in done.stderr  # the progress
 
@@ -217,6 +218,34 @@ def test_text_of_the_summary_gives_no_direction_of_a_wind_weaker_than_its_error(
     calm = orbit | {"wind_source": "flight", "wind_speed_m_s": 0.02, "wind_from_deg": None}
     text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [calm]})
     assert "Wind at the end of orbit 1: 0.0 m/s, by the flight" in text
+
+
+def test_text_of_the_summary_tells_where_the_end_mass_is_in_wind(core_replay):
+    (orbit,) = core_replay[1]["orbits"]
+    windy = orbit | {
+        "wind_source": "flight", "wind_speed_m_s": 7.0, "wind_from_deg": 38.0,
+        "end_mass_downwind_m": 55.2, "end_mass_crosswind_m": -27.4,
+        "end_mass_horizontal_std_m": 9.1, "end_mass_excursion_m": 47.0,
+    }  # fmt: skip
+    text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [windy]})
+    assert "about a place 55 m downwind and 27 m to the right of the circle's centre" in text
+    assert "up to 47 m from there; +- 9 m" in text
+
+
+def test_summary_of_the_real_flight_has_the_end_mass_downwind_of_its_circle():
+    from pathlib import Path
+
+    from ctcbs_ros.replay.core import replay_through_core
+
+    log = Path(__file__).parents[2] / "shared/flights/plane_real_wind.tlog"
+    if not log.exists():
+        pytest.skip(f"{log} is not here")
+    predictor = Predictor(load_configuration("small_drone"))
+    summary = replay_through_core(open_log(log), predictor, 0.0, lambda record, progress: None)
+    (orbit,) = summary["orbits"]
+    # The circle is wide and slow, 1.3 turns in gusts: 45 m is what 7 m/s do to a steady one.
+    assert 30.0 < orbit["end_mass_downwind_m"] < 75.0
+    assert 5.0 < orbit["end_mass_horizontal_std_m"] < 30.0
 
 
 def test_text_of_the_summary_counts_one_and_many(core_replay):

@@ -370,6 +370,8 @@ def test_a_prediction_says_how_much_wind_there_is_and_by_whom(place, sense):
     assert last.wind.velocity == pytest.approx(air, abs=0.2)
     assert "constant airspeed" in last.wind.note
     assert not wind_texts(last)  # it is modelled
+    off = (last.end_mass.circle_center - last.orbit.center)[:2]
+    assert off @ air > 0.7 * 4.0 * np.hypot(*off) > 20.0  # downwind, in either hemisphere
     record = prediction_record(last)
     assert record["wind_source"] == "flight"
     assert record["wind_from_deg"] == pytest.approx(230.0, abs=4.0)

@@ -34,6 +34,9 @@ _LEAST_PART = 0.1
 _SLACK = 0.3
 # What the orders left out may come to, as a multiple of the last ones there.
 _TAIL = 5.0
+# Times of a turn that show where the end mass is, and the error in still air that their number of
+# elements is for.
+_COARSE = (9, 1e-5)
 # Most times added at once.
 _MORE_TIMES = 16
 
@@ -121,17 +124,54 @@ def motion_search(
             return Found(None, "Newton's method does not find the steady state in still air again")
         wind, reached = yield from _continued(p, path, resampled(still, count))
         if wind < path.wind:
-            limit = (
-                f"Newton's method does not converge beyond a wind of {wind:.3g} of the tow speed, "
-                f"where the least tension is {max(reached.least_tension, 0.0) / p.end_weight:.2g} "
-                "of the end weight"
-            )
+            limit = _limit(p, wind, reached)
             continue
         refined = yield from _refined(p, path, reached, enough, effort)
         found = _judged(refined, effort.converged)
         if found.motion is not None:
             return found
     return Found(None, limit or found.reason)
+
+
+def coarse_search(
+    state: SteadyState, path: TowPath, converged: float
+) -> Generator[float, None, Found]:
+    """The motion in the few orders that make up its place: quick, also where more lead nowhere.
+
+    Its residual is an estimate: the last orders there are. Otherwise as `motion_search`.
+    """
+    p, (count, error) = state.parameters, _COARSE
+    if not p.elastic:
+        raise InputError(
+            "elasticity: inf is not allowed, the periodic motion is that of a cable that stretches"
+        )
+    still, _ = yield from _in_still_air(state, error)
+    if still is None:
+        return Found(None, "Newton's method does not find the steady state in still air again")
+    wind, reached = yield from _continued(p, path, resampled(still, count))
+    if wind < path.wind:
+        return Found(None, _limit(p, wind, reached))
+    left = _tail(reached.values)[0] / _TAIL
+    return _judged(
+        PeriodicMotion(p, path, reached.values, left, reached.least_tension, reached.factors),
+        converged,
+    )
+
+
+def refined_search(motion: PeriodicMotion, effort: Effort) -> Generator[float, None, Found]:
+    """A motion with more functions and times, until the end mass moves no more."""
+    begun = Solved(motion.values, motion.least_tension, 0, motion.factors)
+    enough = motion.values.shape[2] // DEGREE
+    finer = yield from _refined(motion.parameters, motion.path, begun, enough, effort)
+    return _judged(finer, effort.converged)
+
+
+def _limit(p: Parameters, wind: float, reached: Solved) -> str:
+    return (
+        f"Newton's method does not converge beyond a wind of {wind:.3g} of the tow speed, "
+        f"where the least tension is {max(reached.least_tension, 0.0) / p.end_weight:.2g} "
+        "of the end weight"
+    )
 
 
 def followed(motion: PeriodicMotion, parameters: Parameters, path: TowPath) -> Found:
@@ -156,9 +196,13 @@ def followed(motion: PeriodicMotion, parameters: Parameters, path: TowPath) -> F
 
 
 def followed_search(
-    motion: PeriodicMotion, parameters: Parameters, path: TowPath, converged: float = CONVERGED
+    motion: PeriodicMotion, parameters: Parameters, path: TowPath, converged: float = CONVERGED,
+    safety: float = 1.0,
 ) -> Generator[float, None, Found]:
-    """As `followed`, piece by piece: yields the work of each, see `newton_steps`."""
+    """As `followed`, piece by piece: yields the work of each, see `newton_steps`.
+
+    The part `safety` of what the highest orders may leave out counts: a fifth is those themselves.
+    """  # fmt: skip
     values, p, done, step = motion.values, motion.parameters, 0.0, 1.0
     factors = motion.factors
     while done < 1.0:
@@ -174,7 +218,7 @@ def followed_search(
                 return Found(None, "Newton's method does not converge from the motion before")
             continue
         values, p, done, factors = solved.values, q, there, solved.factors
-    residual = max(motion.residual, _tail(values)[0])
+    residual = max(motion.residual, safety * _tail(values)[0])
     return _judged(
         PeriodicMotion(parameters, path, values, residual, solved.least_tension, factors),
         converged,

@@ -170,6 +170,13 @@ class EndMass:
         return self.time_on_orbit >= self.settling_time
 
     @property
+    def excursion(self) -> float:
+        """Greatest horizontal distance from `circle_center` in a turn [m]."""
+        if self.in_wind is None:
+            return self.state.radius
+        return float(np.hypot(*(self.in_wind.path - self.circle_center)[:, :2].T).max())
+
+    @property
     def lowest_height_above_home(self) -> float:
         """As `height_above_home`, where the end mass is lowest in a turn."""
         if self.in_wind is None:

@@ -171,14 +171,10 @@ def _enu(name: str, position: np.ndarray) -> Record:
 
 def _motion_in_wind(end_mass: EndMass) -> Record:
     """Mean place over a turn, and how far the end mass leaves it; "wind_modelled" or still air."""
-    motion, mean = end_mass.in_wind, end_mass.circle_center
-    excursion = end_mass.state.radius
-    if motion is not None:
-        excursion = np.hypot(*(motion.path - mean)[:, :2].T).max()
     return {
-        "wind_modelled": motion is not None,
-        **_enu("end_mass_mean", mean),
-        "end_mass_excursion_m": finite(excursion),
+        "wind_modelled": end_mass.in_wind is not None,
+        **_enu("end_mass_mean", end_mass.circle_center),
+        "end_mass_excursion_m": finite(end_mass.excursion),
         "end_mass_lowest_above_home_m": finite(end_mass.lowest_height_above_home),
     }
 

@@ -1,10 +1,11 @@
 """The motion in the wind, followed from orbit to orbit at a bounded cost a sample.
 
-It is solved now and then, in pieces shared out over the samples; in between it is linear.
+It is solved now and then, in pieces shared out over the samples; in between it is linear. Coarsely
+at first, which takes a sample or two; finer while the flight stays near.
 """
 
 from dataclasses import dataclass
-from math import pi
+from math import inf, pi
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ctcbs_ros.prediction.wind_motion import (
     Flight,
     LinearMotion,
     Scaled,
+    finer_motion_search,
     linear_motion_search,
     motion_in_wind,
 )
@@ -27,8 +29,8 @@ from ctcbs_ros.solver.steady_state import SteadyState
 _ANEW, _USED = 0.02, 0.08
 # Distance from where none was found, from which one is looked for before another turn is over.
 _ELSEWHERE = 0.1
-# Work a sample, in that of `newton.work`: 30 ms of one core.
-_PIECE = 0.8
+# Work a sample, in that of `newton.work`: 20 ms of one core.
+_PIECE = 0.6
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,9 @@ class WindFollower:
         """Forget the motion: the next one is continued from still air."""
         self._solved: LinearMotion | None = None
         self._search = self._sought = None
+        # Whether the search is for the same motion, finer; when one such was begun.
+        self._refining = False
+        self._refined_at = -inf
         self._state: SteadyState | None = None
         self._failed: _Failed | None = None
         self.reason = ""
@@ -91,10 +96,14 @@ class WindFollower:
         """
         flight = Flight.of(orbit, float(np.hypot(*velocity)), kind, state.parameters)
         self._forget_others(state, flight)
-        if self._search is None and self._is_due(flight, orbit.time):
+        if (self._search is None or self._refining) and self._is_due(flight, orbit.time):
             before = None if self._solved is None else self._solved.motion
             self._search = linear_motion_search(flight, scaled, state, before)
-            self._sought = flight
+            self._sought, self._refining = flight, False
+        elif self._search is None and self._may_be_finer(orbit.time):
+            self._search = finer_motion_search(self._solved, flight, scaled, state)
+            self._sought, self._refining = flight, True
+            self._refined_at = orbit.time
         if self._search is not None:
             self._search_on(orbit.time)
         if self._solved is None or self._solved.flight.distance(flight) > _USED:
@@ -127,6 +136,12 @@ class WindFollower:
         turn = 2.0 * pi / flight.rate
         return moved > _ELSEWHERE or (moved > _ANEW and time - there.time > turn)
 
+    def _may_be_finer(self, time: float) -> bool:
+        """Whether a coarse motion is to be solved finer: once a turn at most."""
+        if self._solved is None or not self._solved.coarse:
+            return False
+        return time - self._refined_at > 2.0 * pi / self._solved.flight.rate
+
     def _search_on(self, time: float) -> None:
         """One more piece of the search."""
         left = _PIECE
@@ -140,6 +155,8 @@ class WindFollower:
                     return
 
     def _take(self, found: LinearMotion | str, time: float) -> None:
+        if isinstance(found, str) and self._refining:
+            return  # the coarse one stays
         if isinstance(found, str):
             self._solved, self.reason = None, found
             self._failed = _Failed(self._sought, time, found)

@@ -18,17 +18,25 @@ from ctcbs_ros.periodic.elements import at_arc_lengths
 from ctcbs_ros.periodic.fourier import at_times, fourier
 from ctcbs_ros.periodic.motion import PeriodicMotion
 from ctcbs_ros.periodic.newton import newton_steps
-from ctcbs_ros.periodic.solve import Effort, followed_search, motion_search
+from ctcbs_ros.periodic.solve import (
+    Effort,
+    coarse_search,
+    followed_search,
+    motion_search,
+    refined_search,
+)
 from ctcbs_ros.periodic.tow_path import GROUND_SPEED, TowPath
 from ctcbs_ros.prediction.pose import CABLE_POINTS
 from ctcbs_ros.prediction.prediction import MotionInWind
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import SteadyState
 
-# What the wind's own uncertainty leaves worth knowing: 0.1 m of a radius of 100 m, at most 2 m.
+# What the wind's own uncertainty leaves worth knowing: 0.1 m of a radius of 100 m, at most 2 m,
+# and 6 m where only a coarse motion is found; the covariance has it.
 EFFORT = Effort(
     1e-3, 2e-2, most_times=49, most_elements=24, ladder=((9, 1e-4), (17, 1e-4), (21, 1e-5))
 )
+_COARSE = 6e-2
 # Steps of the derivatives: in ln of radius and rate, and in wind over the tow speed.
 _STEP = 0.01
 # Error of the linear motion over the square of the distance [a]: 1 to 7 on the test's flights.
@@ -119,6 +127,11 @@ class LinearMotion:
         moved[:, 0] += np.tensordot(waves[:, 1:], away, axes=(1, 0))
         return moved
 
+    @property
+    def coarse(self) -> bool:
+        """Whether it may be known better."""
+        return self.motion.residual > EFFORT.accuracy
+
     def error(self, flight: Flight) -> float:
         """By how much the end mass of a flight nearby may be off [a]."""
         there = self.flight
@@ -145,12 +158,34 @@ def linear_motion_search(
         path = flight.path
         if before is not None:
             parameters = scaled(flight.radius, flight.radius * flight.rate)
-            found = yield from followed_search(before, parameters, path, EFFORT.converged)
+            found = yield from followed_search(before, parameters, path, _COARSE, 0.2)
             if found.motion is not None:
                 solved = yield from _with_derivatives(found.motion, flight, scaled)
                 if solved is not None:
                     return solved
-        found = yield from motion_search(state, path, EFFORT)
+        found = yield from coarse_search(state, path, _COARSE)
+        if found.motion is None:
+            return found.reason
+        solved = yield from _with_derivatives(found.motion, flight, scaled)
+    except InputError as error:
+        return str(error)
+    return solved or "beside this wind, radius and speed there is no motion"
+
+
+def finer_motion_search(
+    coarse: LinearMotion, flight: Flight, scaled: Scaled, state: SteadyState
+) -> Generator[float, None, LinearMotion | str]:
+    """A motion as well as it is worth knowing, from a coarse one or else from still air.
+
+    It is that of the coarse one's flight, or else of `flight`; the parameters are those of
+    `linear_motion_search`.
+    """
+    try:
+        found = yield from refined_search(coarse.motion, EFFORT)
+        if found.motion is not None:
+            flight = coarse.flight
+        else:
+            found = yield from motion_search(state, flight.path, EFFORT)
         if found.motion is None:
             return found.reason
         solved = yield from _with_derivatives(found.motion, flight, scaled)

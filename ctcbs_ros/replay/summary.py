@@ -3,8 +3,10 @@
 from array import array
 from bisect import bisect_left, bisect_right
 from dataclasses import asdict
-from math import isfinite, nan
+from math import isfinite, nan, sqrt
 from typing import Any
+
+import numpy as np
 
 from ctcbs_ros.beacon.tally import BeaconTally
 from ctcbs_ros.geodesy import to_geodetic
@@ -22,6 +24,10 @@ from ctcbs_ros.telemetry.source import LogSource
 # Seconds between the end masses remembered for the orbits; a day's flight then takes 0.4 MB.
 REMEMBERED_EVERY = 5.0
 _SOURCES = tuple(WindSource)
+_MOTION = (
+    "end_mass_downwind_m", "end_mass_crosswind_m", "end_mass_horizontal_std_m",
+    "end_mass_excursion_m",
+)  # fmt: skip
 
 
 class Summary:
@@ -46,6 +52,8 @@ class Summary:
         self._times, self._radii, self._densities = array("d"), array("d"), array("d")
         # Wind of each: speed, where from [deg], nan where not known; its source by number, or -1.
         self._winds, self._directions, self._sources = array("d"), array("d"), array("b")
+        # Where the motion in the wind is, four numbers each (`_MOTION`); nan where not known.
+        self._motions = array("d")
 
     def add(self, prediction: Prediction) -> None:
         """Take in the prediction of one more sample."""
@@ -61,6 +69,7 @@ class Summary:
                 self._winds, self._directions, self._sources,
             ):  # fmt: skip
                 remembered.pop()
+            del self._motions[-len(_MOTION) :]
         self._segments.add(prediction.time, prediction.orbit, prediction.tow_point)
         if prediction.wind is not None and REJECTED in prediction.wind.note:
             self._winds_rejected += 1
@@ -76,6 +85,7 @@ class Summary:
             told = wind is not None and wind.speed > wind.sigma
             self._directions.append(wind.from_direction if told else nan)
             self._sources.append(-1 if wind is None else _SOURCES.index(wind.source))
+            self._motions.extend(_motion(prediction))
 
     def finish(self) -> dict[str, Any]:
         """The summary, ready for JSON.
@@ -90,8 +100,11 @@ class Summary:
             autopilot, and the newest of the autopilot's in words, and orbits: for each its start
             and end in seconds, turns, radius, speed, sense, centre, and the
             end mass's radius, depth, margin and settling time, which are None where no state was
-            found or none settles, and the wind at its end, None where nobody knew; flights
-            counts the boots of the vehicle that gave believed samples.
+            found or none settles, and the wind at its end, None where nobody knew. Of the newest
+            motion in wind: where its mean is from the circle's centre, downwind and across to the
+            left of that, the standard deviation of the end mass in the worst horizontal direction,
+            and how far it goes from the mean [m]; None where there was none. flights counts the
+            boots of the vehicle that gave believed samples.
 
         Notes
         -----
@@ -115,8 +128,9 @@ class Summary:
         first = bisect_left(self._times, segment.start_time)
         last = bisect_right(self._times, segment.end_time) - 1
         wind = {"wind_speed_m_s": None, "wind_from_deg": None, "wind_source": None}
+        motion = dict.fromkeys(_MOTION)
         if last >= first:
-            wind = self._wind(last)
+            wind, motion = self._wind(last), self._newest_motion(first, last)
             state = self._predictor.state_at(
                 segment.radius,
                 segment.speed,
@@ -136,7 +150,17 @@ class Summary:
             "margin_per_s": finite(state.margin_per_s) if state else None,
             "settling_time_s": finite(settling_time(state)) if state else None,
             **wind,
+            **motion,
         }
+
+    def _newest_motion(self, first: int, last: int) -> dict[str, Any]:
+        """The newest motion in wind between two remembered end masses."""
+        size = len(_MOTION)
+        for number in range(last, first - 1, -1):
+            found = self._motions[number * size : (number + 1) * size]
+            if isfinite(found[0]):
+                return dict(zip(_MOTION, found, strict=True))
+        return dict.fromkeys(_MOTION)
 
     def _wind(self, number: int) -> dict[str, Any]:
         """The wind believed at the newest end mass of an orbit."""
@@ -154,6 +178,17 @@ class Summary:
         latitude, longitude, _ = to_geodetic(datum, *segment.center, segment.up)
         center = [float(latitude), float(longitude)]
         return center if all(isfinite(value) for value in center) else None
+
+
+def _motion(prediction: Prediction) -> tuple[float, ...]:
+    """The numbers of `_MOTION`; nan in still air, or where nothing is downwind."""
+    end_mass, wind = prediction.end_mass, prediction.wind
+    if end_mass.in_wind is None or wind is None or not wind.speed > wind.sigma:
+        return (nan,) * len(_MOTION)
+    east, north, _ = end_mass.circle_center - prediction.orbit.center
+    off = complex(east, north) / complex(*wind.velocity) * wind.speed
+    spread = sqrt(np.linalg.eigvalsh(end_mass.covariance[:2, :2])[-1])
+    return off.real, off.imag, spread, end_mass.excursion
 
 
 def source_counts(source: LogSource | LiveSource) -> dict[str, Any]:

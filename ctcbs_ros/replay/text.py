@@ -182,6 +182,15 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
                 f"Wind at the end of orbit {number}: {orbit['wind_speed_m_s']:.1f} m/s{origin}, "
                 f"by the {orbit['wind_source']}"
             )
+        if orbit["end_mass_downwind_m"] is not None:
+            left = orbit["end_mass_crosswind_m"]
+            yield (
+                f"In it the end mass of orbit {number} moves about a place "
+                f"{orbit['end_mass_downwind_m']:.0f} m downwind and {abs(left):.0f} m to the "
+                f"{'left' if left > 0.0 else 'right'} of the circle's centre, up to "
+                f"{orbit['end_mass_excursion_m']:.0f} m from there; +- "
+                f"{orbit['end_mass_horizontal_std_m']:.0f} m (radius, depth and margin: still air)"
+            )
 
 
 def _settled(orbit: dict[str, Any]) -> bool:
