@@ -72,10 +72,12 @@ class Flight:
         return found, tally
 
 
-def fly(folder: Path, table, sense=1, turns=5.0, noise=0.0, with_twin=False) -> Flight:
-    """Simulate and predict one."""
+def fly(
+    folder: Path, table, sense=1, turns=5.0, noise=0.0, with_twin=False, wind=(0.0, 0.0)
+) -> Flight:
+    """Simulate and predict one; a wind other than none is told by the autopilot."""
     configuration = load_configuration(DRONE, STILL)
-    flight = simulate_flight(60.0, 20.0, turns, sense=sense, height=250.0)
+    flight = simulate_flight(60.0, 20.0, turns, sense=sense, height=250.0, wind=wind)
     payload = simulate_payload(configuration, flight, late=0.07)
     path = folder / "flight.tlog"
     write_tlog(

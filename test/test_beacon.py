@@ -69,6 +69,13 @@ def test_clockwise_comes_back_as_well(tmp_path, table):
     assert np.abs(last_turn(found)).max() < AGREE
 
 
+def test_in_wind_it_comes_back_as_well(tmp_path, table):
+    """The end mass is metres downwind: where the periodic motion has it, at its phase."""
+    found, tally = fly(tmp_path, table, turns=6.0, wind=(2.0, 0.0)).compared()
+    assert tally.outcomes[Standing.SETTLED] > 200
+    assert np.abs(last_turn(found)).max() < 0.5
+
+
 def test_only_a_settled_prediction_counts_as_an_error(flight):
     found, tally = flight.clean
     first = next(p for p in flight.predictions if p.valid and p.end_mass.settled)
