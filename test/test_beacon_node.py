@@ -19,15 +19,11 @@ from running_node import RunningNode
 from sensor_msgs.msg import NavSatFix, NavSatStatus
 from std_msgs.msg import String
 
-from ctcbs_ros.beacon.comparer import BeaconComparer
+from ctcbs_ros.cli.main import main
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.geodesy import Datum, to_geodetic
-from ctcbs_ros.prediction.predictor import Predictor
-from ctcbs_ros.replay.core import replay_through_core
-from ctcbs_ros.replay.through_node import quoted, replay_through_node
+from ctcbs_ros.replay.through_node import quoted
 from ctcbs_ros.table.storage import load_table
-from ctcbs_ros.telemetry.beacon import BeaconWanted
-from ctcbs_ros.telemetry.source import open_log
 from ctcbs_ros.telemetry.topics import nanoseconds
 
 KEEP_ALL = QoSProfile(history=QoSHistoryPolicy.KEEP_ALL)
@@ -54,22 +50,18 @@ def test_a_beacon_in_a_log_comes_through_the_node_as_through_the_core(tmp_path, 
     fly(tmp_path, table, turns=3.0)
     log = tmp_path / "flight.tlog"
 
-    predictor = Predictor(configuration, table)
-    comparer = BeaconComparer(
-        configuration.beacon, predictor.frame, configuration.cable.length
-    )
-    by_core, by_node = [], []
-    core = replay_through_core(
-        open_log(log, beacon=BeaconWanted(SYSTEM)), predictor, 0.0, lambda *_: None,
-        comparer, by_core.append,
-    )  # fmt: skip
-    node = replay_through_node(
-        log, file, str(drone_table), 0.0, lambda *_: None, by_node.append
-    )
-    assert by_node == by_core
-    assert node["beacon"] == core["beacon"]
-    assert node == core
-    assert len(by_core) == core["beacon"]["reports"] > 400
+    summaries, tables = {}, {}
+    for way in ("core", "node"):
+        out = tmp_path / way
+        arguments = ["replay", log, "--config", file, "--table", drone_table]
+        arguments += ["--through", way, "--out", out]
+        assert main(list(map(str, arguments))) == 0
+        tables[way] = (out / "beacon.csv").read_text()
+        summaries[way] = json.loads((out / "summary.json").read_text())
+    core = summaries["core"]
+    assert tables["node"] == tables["core"]
+    assert summaries["node"]["beacon"] == core["beacon"]
+    assert tables["core"].count("\n") - 1 == core["beacon"]["reports"] > 400
     assert core["beacon"]["vehicle"]["system"] == SYSTEM
     settled = core["beacon"]["measured_minus_predicted"]["settled"]
     assert settled["count"] > 100
