@@ -25,7 +25,7 @@ from ctcbs_ros.twin.simulated_cable import SimulatedCable, line_in_si
 from ctcbs_ros.twin.tow_point import TowPoint
 
 # See docs/twin.md.
-SEGMENTS = 16
+SEGMENTS = 24
 # The look-ahead goes so much faster than the samples.
 SPEED_UP = 20.0
 # A gap is flown through along the orbit for this part of a turn, off any orbit for this time [s].
