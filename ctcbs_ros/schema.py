@@ -151,6 +151,10 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         meaning="height of the ground above mean sea level; .nan takes home as the ground",
     ),
     ParameterSpec(
+        key="twin.enabled", type=bool, default=True,
+        meaning="whether the cable is simulated in time beside the telemetry",
+    ),
+    ParameterSpec(
         key="table.file", type=str, default="",
         meaning="file of the continuation table; empty for one in the user's cache",
     ),

@@ -14,7 +14,7 @@ DRONE = Path(__file__).parents[1] / "config" / "small_drone.yaml"
 def replayed(log, table):
     """Records and summary of a log."""
     configuration = load_configuration(DRONE)
-    predictor = Predictor(configuration, table_for(configuration, table))
+    predictor = Predictor(configuration, table_for(configuration, table), with_twin=True)
     records = []
     summary = replay_through_core(
         open_log(log), predictor, 0.0, lambda record, progress: records.append(record)

@@ -44,10 +44,12 @@ BELOW = {
     "periodic": {"kernels", "solver"},
     "figures": {"kernels", "solver"},
     "design": {"kernels", "solver"},
-    "prediction": {"kernels", "solver", "periodic", "orbit", "table", "telemetry"},
+    "twin": {"kernels", "solver", "orbit", "telemetry", "dynamics", "periodic"},
+    "prediction": {"kernels", "solver", "periodic", "orbit", "table", "telemetry", "twin"},
     "beacon": {"telemetry", "orbit", "prediction", "twin"},
     "replay": {
         "kernels", "solver", "periodic", "orbit", "table", "telemetry", "prediction", "beacon",
+        "twin",
     },
     "validation": {"kernels", "solver", "dynamics", "periodic", "bench"},
 }

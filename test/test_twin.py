@@ -26,7 +26,6 @@ from ctcbs_ros.twin.look_ahead import Ending, LookAhead
 from ctcbs_ros.twin.simulated import Loss, TwinState
 from ctcbs_ros.twin.simulated_cable import SimulatedCable, line_in_si
 from ctcbs_ros.twin.tow_point import TowPoint
-from ctcbs_ros.twin.twin import Twin
 
 DRONE = load_configuration("small_drone")
 RADIUS, SPEED = 60.0, 18.0
@@ -49,10 +48,9 @@ def told(flight, noise=(0.0, 0.0), wind=None, first=0, number=0):
     ]  # fmt: skip
 
 
-def simulated(samples, configuration=DRONE, twin=None, predictor=None):
-    twin = twin or Twin(configuration)
-    predictor = predictor or Predictor(configuration)
-    return [twin.update(s, predictor.update(s)) for s in samples]
+def simulated(samples, predictor=None):
+    predictor = predictor or Predictor(DRONE, with_twin=True)
+    return [predictor.update(s).simulated for s in samples]
 
 
 def offline(flight, wind=(0.0, 0.0), segments=30):
@@ -180,12 +178,12 @@ def test_noise_of_the_positions_does_not_shake_the_path():
 def test_a_short_gap_is_flown_along_the_orbit_and_a_long_one_begins_anew():
     flight = simulate_flight(RADIUS, SPEED, 8, rate=2.5)
     samples = told(flight, (1.0, 0.2))
-    predictor, twin = Predictor(DRONE), Twin(DRONE)
+    predictor = Predictor(DRONE, with_twin=True)
     first = int(2.5 * (15.0 + 3.5 * TURN))
     short, long = int(2.5 * 0.4 * TURN), int(2.5 * 1.2 * TURN)
-    assert simulated(samples[:first], twin=twin, predictor=predictor)[-1].valid
+    assert simulated(samples[:first], predictor=predictor)[-1].valid
     again = first + short
-    found = simulated(samples[again : again + 10], twin=twin, predictor=predictor)
+    found = simulated(samples[again : again + 10], predictor=predictor)
     seen = [(i, r) for i, r in enumerate(found, again) if r is not None]
     truth = on_circle(
         (0.0, 0.0), 1, flight.position[[i for i, _ in seen]], path="ground-speed"
@@ -194,7 +192,7 @@ def test_a_short_gap_is_flown_along_the_orbit_and_a_long_one_begins_anew():
     assert distance([r for _, r in seen], truth).max() < 0.06 * RADIUS
     again += 10 + long
     end = np.flatnonzero(np.isfinite(flight.radius))[-1]
-    found = simulated(samples[again:end], twin=twin, predictor=predictor)
+    found = simulated(samples[again:end], predictor=predictor)
     waiting = next(r for r in found if r is not None)
     assert waiting.state is TwinState.WAITING
     assert np.all(np.isnan(waiting.position))
@@ -219,8 +217,8 @@ def test_a_reboot_or_a_clock_that_goes_back_begins_anew():
 
 def test_a_step_that_fails_is_counted_and_never_shown(monkeypatch):
     flight = simulate_flight(RADIUS, SPEED, 3)
-    samples, twin, predictor = told(flight), Twin(DRONE), Predictor(DRONE)
-    assert simulated(samples[:200], twin=twin, predictor=predictor)[-1].valid
+    samples, predictor = told(flight), Predictor(DRONE, with_twin=True)
+    assert simulated(samples[:200], predictor=predictor)[-1].valid
 
     def fails(*arguments):
         arguments[11][:] = np.nan
@@ -228,10 +226,10 @@ def test_a_step_that_fails_is_counted_and_never_shown(monkeypatch):
 
     with monkeypatch.context() as patched:
         patched.setattr(cable_motion, "advance", fails)
-        lost = simulated(samples[200:201], twin=twin, predictor=predictor)[0]
+        lost = simulated(samples[200:201], predictor=predictor)[0]
     assert lost.state is TwinState.WAITING
     assert lost.losses == {Loss.NOT_FOLLOWED: 1}
-    after = simulated(samples[201:], twin=twin, predictor=predictor)
+    after = simulated(samples[201:], predictor=predictor)
     shown = [r for r in after if r.state is not TwinState.WAITING]
     assert shown
     assert all(np.isfinite(r.position).all() for r in shown)
@@ -239,13 +237,12 @@ def test_a_step_that_fails_is_counted_and_never_shown(monkeypatch):
 
 def test_another_length_of_cable_begins_anew_and_a_little_more_is_paid_out():
     flight = simulate_flight(RADIUS, SPEED, 4)
-    samples, twin, predictor = told(flight), Twin(DRONE), Predictor(DRONE)
+    samples, predictor = told(flight), Predictor(DRONE, with_twin=True)
     count = int(5.0 * (15.0 + 2.5 * TURN))
-    before = simulated(samples[:count], twin=twin, predictor=predictor)[-1]
+    before = simulated(samples[:count], predictor=predictor)[-1]
     for length, losses in ((151.0, {}), (120.0, {Loss.CABLE_CHANGED: 1})):
-        twin.change(cable_length=length)
         predictor.change(cable_length=length)
-        after = simulated(samples[count : count + 20], twin=twin, predictor=predictor)[-1]
+        after = simulated(samples[count : count + 20], predictor=predictor)[-1]
         count += 20
         assert after.losses == losses
         along = np.linalg.norm(np.diff(after.cable, axis=0), axis=1).sum()

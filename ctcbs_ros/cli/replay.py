@@ -69,7 +69,7 @@ def run(args) -> int:
     if args.through == "node":
         replay = _through_node(args, file, configuration, table_file)
     else:
-        replay = _through_core(args, log, configuration, table_file)
+        replay = _through_core(args, log, configuration, table_file, parameters["twin.enabled"])
     try:
         if args.out:
             with complete_folder(args.out) as folder:
@@ -90,7 +90,7 @@ def run(args) -> int:
     return 0
 
 
-def _through_core(args, log, configuration, table_file):
+def _through_core(args, log, configuration, table_file, with_twin):
     """A function that replays the log through the core, given what takes its records."""
     from ctcbs_ros.beacon.comparer import BeaconComparer
     from ctcbs_ros.prediction.predictor import Predictor
@@ -99,7 +99,7 @@ def _through_core(args, log, configuration, table_file):
     from ctcbs_ros.table import table_for
 
     def replay(take, take_comparison):
-        predictor = Predictor(configuration, table_for(configuration, table_file))
+        predictor = Predictor(configuration, table_for(configuration, table_file), with_twin)
         comparer = None
         if configuration.beacon.present:
             comparer = BeaconComparer(

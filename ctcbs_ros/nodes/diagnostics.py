@@ -8,7 +8,14 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import EndMass, Prediction
-from ctcbs_ros.prediction.record import Record, end_mass_fields, finite, orbit_fields, wind_fields
+from ctcbs_ros.prediction.record import (
+    Record,
+    end_mass_fields,
+    finite,
+    orbit_fields,
+    simulated_fields,
+    wind_fields,
+)
 from ctcbs_ros.prediction.tally import Tally
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
@@ -95,14 +102,25 @@ def prediction_status(prediction: Prediction) -> DiagnosticStatus:
         # Silence must not be taken for safety.
         known = isfinite(prediction.end_mass.height_above_home)
         figures["ground proximity"] = "judged" if known else "not judged, no height above ground"
+        figures |= _twin(prediction)
         settling = _settling(prediction.end_mass)
         status = _status("prediction", warnings, settling, figures)
         if warnings and not prediction.end_mass.settled:
             status.message += f"; {settling}"
         return status
-    status = _status("prediction", warnings, "no prediction: no orbit", {})
+    status = _status("prediction", warnings, "no prediction: no orbit", _twin(prediction))
     status.level = max(status.level, DiagnosticStatus.WARN)
     return status
+
+
+def _twin(prediction: Prediction) -> Record:
+    if prediction.simulated is None:
+        return {}
+    losses = {
+        f"simulation begun anew {code.value}": count
+        for code, count in prediction.simulated.losses.items()
+    }
+    return simulated_fields(prediction.simulated, prediction.end_mass) | losses
 
 
 def _settling(end_mass: EndMass) -> str:

@@ -43,6 +43,18 @@ def end_mass_pose(prediction: Prediction, frame_id: str) -> PoseWithCovarianceSt
     return message
 
 
+def simulated_pose(prediction: Prediction, frame_id: str) -> PoseWithCovarianceStamped:
+    """The twin's pose of the end mass, the same way."""
+    simulated = prediction.simulated
+    message = PoseWithCovarianceStamped(header=header(prediction, frame_id))
+    message.pose.pose.position = point(simulated.position)
+    message.pose.pose.orientation = Quaternion(
+        z=sin(simulated.yaw / 2), w=cos(simulated.yaw / 2)
+    )
+    message.pose.covariance = simulated.covariance.ravel()
+    return message
+
+
 def end_mass_fix(prediction: Prediction, frame_id: str) -> NavSatFix | None:
     """Geodetic position of the end mass of a valid prediction; None where no datum is known."""
     geodetic = prediction.end_mass.geodetic

@@ -100,8 +100,9 @@ class PredictorNode(Node):
 
         self.get_logger().info("loading the table, or building it where there is none yet")
         table = table_for(configuration, self._values["table.file"], sys.stderr.isatty())
-        warm_up(configuration, table)
-        self._predictor = Predictor(configuration, table)
+        with_twin = self._values["twin.enabled"]
+        warm_up(configuration, table, with_twin)
+        self._predictor = Predictor(configuration, table, with_twin)
         self._outputs = Outputs(
             self,
             self._values["frame_id"],

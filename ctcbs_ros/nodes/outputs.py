@@ -91,6 +91,9 @@ class Outputs:
 
         qos = COMPLETE if complete else LIVE
         self._pose = Output(node, PoseWithCovarianceStamped, "~/end_mass/pose", qos)
+        self._simulated = Output(
+            node, PoseWithCovarianceStamped, "~/end_mass/simulated_pose", qos
+        )
         self._fix = Output(node, NavSatFix, "~/end_mass/fix", qos)
         self._center = Output(node, PointStamped, "~/orbit_center", qos)
         self._margin = Output(node, Float64, "~/stability_margin", qos)
@@ -100,8 +103,8 @@ class Outputs:
         self._datum_fix = Output(node, NavSatFix, "~/datum", LATCHED)
         self._summary = Output(node, String, "~/summary", LATCHED)
         self._all = (
-            self._pose, self._fix, self._center, self._margin, self._jump_margin, self._cable,
-            self._record, self._datum_fix, self._summary,
+            self._pose, self._simulated, self._fix, self._center, self._margin,
+            self._jump_margin, self._cable, self._record, self._datum_fix, self._summary,
         )  # fmt: skip
         if with_beacon:
             what = "~/end_mass/measured_minus_"
@@ -129,7 +132,8 @@ class Outputs:
         return all(output.is_received() for output in self._all)
 
     def publish(self, prediction: Prediction, datum: Datum | None, lifetime: float) -> None:
-        """Publish a prediction: the end mass only where it is valid, the centre with an orbit.
+        """Publish a prediction: the end mass only where it is valid, the simulated one where that
+        is, the centre with an orbit.
 
         Parameters
         ----------
@@ -145,6 +149,8 @@ class Outputs:
                 self._center.publish(messages.orbit_center(prediction, self._frame_id))
             if prediction.valid:
                 self._publish_end_mass(prediction)
+            if prediction.simulated is not None and prediction.simulated.valid:
+                self._simulated.publish(messages.simulated_pose(prediction, self._frame_id))
             self._show(self._markers(prediction, lifetime))
 
     def publish_record(self, prediction: Prediction, **extra: float) -> None:

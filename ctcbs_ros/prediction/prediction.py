@@ -8,6 +8,7 @@ from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.wind import Wind
 from ctcbs_ros.prediction.codes import Warning
 from ctcbs_ros.telemetry.skip_code import SkipCode
+from ctcbs_ros.twin.simulated import Simulated
 
 
 @dataclass(frozen=True)
@@ -233,6 +234,8 @@ class Prediction:
     warnings : tuple of Warning
     wind : Wind or None
         The wind believed, see `ctcbs_ros.prediction.wind_choice`.
+    simulated : Simulated or None
+        What the twin says; None of a sample that was skipped, or where there is no twin.
     """
 
     time: float
@@ -245,6 +248,7 @@ class Prediction:
     air_density: float
     warnings: tuple[Warning, ...]
     wind: Wind | None = None
+    simulated: Simulated | None = None
 
     @property
     def valid(self) -> bool:

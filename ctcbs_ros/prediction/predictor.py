@@ -4,8 +4,8 @@ Each sample goes down the one way of docs/architecture.md: screened, placed in t
 fitted to an orbit, scaled, solved on the tracked branch, described in SI units with its warnings.
 """
 
-from dataclasses import asdict
-from math import isfinite, nan, radians
+from dataclasses import asdict, replace
+from math import inf, isfinite, nan, radians
 
 import numpy as np
 
@@ -51,6 +51,8 @@ from ctcbs_ros.telemetry.local_frame import LocalFrame, LocalSample
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.telemetry.screen import Screen
 from ctcbs_ros.telemetry.skip_code import SkipCode
+from ctcbs_ros.twin.seen import Seen
+from ctcbs_ros.twin.twin import Twin
 
 # Without telemetry for longer [s], nothing is known of what was flown meanwhile.
 _LONGEST_GAP = 30.0
@@ -66,9 +68,13 @@ class Predictor:
     configuration : Configuration
     table : Table, optional
         Continuation table of the configuration; without one every state is solved in full.
+    with_twin : bool
+        Whether the twin (`ctcbs_ros.twin.twin`) goes with every sample.
     """
 
-    def __init__(self, configuration: Configuration, table: Table | None = None):
+    def __init__(
+        self, configuration: Configuration, table: Table | None = None, with_twin: bool = False
+    ):
         self._configuration = configuration
         self._table = table
         self._cable_length = configuration.cable.length
@@ -88,6 +94,7 @@ class Predictor:
         self._orbiting = False
         self._flight: int | None = None
         self._last_time = nan
+        self._twin = Twin(configuration) if with_twin else None
 
     @property
     def datum(self) -> Datum | None:
@@ -123,6 +130,8 @@ class Predictor:
             self._end_mass = end_mass
         if (self._cable_length, self._end_mass) != before:
             self._history.disturb()
+        if self._twin is not None:
+            self._twin.change(cable_length, end_mass)
         if limits is not None:
             self._limits = limits
 
@@ -142,6 +151,18 @@ class Predictor:
         -------
         Prediction
         """
+        prediction = self._predicted(sample)
+        if self._twin is None or prediction.skip is not None:
+            return prediction
+        settled = prediction.end_mass
+        seen = Seen(
+            sample, prediction.tow_point, prediction.orbit, prediction.wind,
+            prediction.air_density, settled.state.radius if settled else nan,
+            settled.settling_time if settled else inf,
+        )  # fmt: skip
+        return replace(prediction, simulated=self._twin.update(seen))
+
+    def _predicted(self, sample: Sample) -> Prediction:
         skip = self._screen.check(sample)
         if skip is not None:
             return self._skipped(sample, skip)

@@ -12,6 +12,7 @@ from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.wind import Wind
 from ctcbs_ros.prediction.codes import Warning
 from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump, Prediction
+from ctcbs_ros.twin.simulated import Simulated, TwinState
 
 Record = dict[str, Any]
 
@@ -34,6 +35,8 @@ def prediction_record(prediction: Prediction) -> Record:
         record |= wind_fields(prediction.wind)
     if prediction.end_mass is not None:
         record |= end_mass_fields(prediction.end_mass)
+    if prediction.simulated is not None:
+        record |= simulated_fields(prediction.simulated, prediction.end_mass)
     record["warnings"] = [warning_record(warning) for warning in prediction.warnings]
     return record
 
@@ -126,6 +129,38 @@ def end_mass_fields(end_mass: EndMass) -> Record:
         **_jump("speed", "m_s", end_mass.jump_in_speed),
         **_jump("radius", "m", end_mass.jump_in_radius),
         "other_solutions": [state_fields(other) for other in end_mass.others],
+    }
+
+
+def simulated_fields(simulated: Simulated, end_mass: EndMass | None) -> Record:
+    """The twin's end mass, its distance from the predicted one, and its look-ahead."""
+    east, north, up = np.sqrt(np.diag(simulated.covariance)[:3])
+    begun = simulated.state is not TwinState.WAITING
+    apart = None
+    if end_mass is not None and begun:
+        apart = finite(np.linalg.norm(simulated.position - end_mass.position))
+    settling = simulated.settling
+    nowhere = np.full(3, np.nan)
+    return {
+        "simulated_state": simulated.state.value,
+        "simulated_begun_as": simulated.begun_as or None,
+        "simulated_since_s": finite(simulated.since),
+        "simulated_valid_from_s": finite(simulated.valid_from),
+        **_enu("simulated", simulated.position),
+        "simulated_yaw_rad": finite(simulated.yaw),
+        "simulated_east_std_m": finite(east) if begun else None,
+        "simulated_north_std_m": finite(north) if begun else None,
+        "simulated_up_std_m": finite(up) if begun else None,
+        "simulated_from_predicted_m": apart,
+        "simulated_wind_known": simulated.wind_known,
+        "simulated_restarts": sum(simulated.losses.values()),
+        "ahead_ending": settling.ending.value if settling else None,
+        "ahead_settles_in_s": finite(simulated.settles_in),
+        "ahead_age_s": finite(simulated.look_ahead_age),
+        **_enu("ahead_mean", settling.mean if settling else nowhere),
+        "ahead_radius_m": finite(settling.radius) if settling else None,
+        "ahead_least_distance_m": finite(settling.least_distance) if settling else None,
+        "ahead_greatest_distance_m": finite(settling.greatest_distance) if settling else None,
     }
 
 

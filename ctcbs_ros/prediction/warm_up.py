@@ -25,13 +25,15 @@ _ON_CIRCLE = 1.3 * 2.0 * pi
 _SEA_LEVEL_DENSITY = 1.225  # kg/m^3, ICAO Doc 7488
 
 
-def warm_up(configuration: Configuration, table: Table | None = None) -> None:
+def warm_up(
+    configuration: Configuration, table: Table | None = None, with_twin: bool = False
+) -> None:
     """Predict once along a circle in the middle of the envelope, and look for its jumps."""
     radius, speed = (
         (low * high) ** 0.5
         for low, high in (configuration.envelope.radius, configuration.envelope.speed)
     )
-    predictor = Predictor(configuration, table)
+    predictor = Predictor(configuration, table, with_twin)
     for sample in _circle(radius, speed):
         predictor.update(sample)
     try:

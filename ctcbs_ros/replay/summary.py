@@ -4,6 +4,7 @@ from array import array
 from bisect import bisect_left, bisect_right
 from dataclasses import asdict
 from math import isfinite, nan, sqrt
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from ctcbs_ros.prediction.tally import Tally
 from ctcbs_ros.prediction.wind_choice import REJECTED
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.source import LogSource
+from ctcbs_ros.twin.simulated import Simulated
 
 # Seconds between the end masses remembered for the orbits; a day's flight then takes 0.4 MB.
 REMEMBERED_EVERY = 5.0
@@ -54,6 +56,9 @@ class Summary:
         self._winds, self._directions, self._sources = array("d"), array("d"), array("b")
         # Where the motion in the wind is, four numbers each (`_MOTION`); nan where not known.
         self._motions = array("d")
+        # Distance of the simulated end mass from the predicted one; nan unless both are settled.
+        self._apart = array("d")
+        self._twin: Simulated | None = None
 
     def add(self, prediction: Prediction) -> None:
         """Take in the prediction of one more sample."""
@@ -66,7 +71,7 @@ class Summary:
         while self._times and self._times[-1] > prediction.time:  # of time stamps that were wrong
             for remembered in (
                 self._times, self._radii, self._densities,
-                self._winds, self._directions, self._sources,
+                self._winds, self._directions, self._sources, self._apart,
             ):  # fmt: skip
                 remembered.pop()
             del self._motions[-len(_MOTION) :]
@@ -74,6 +79,7 @@ class Summary:
         if prediction.wind is not None and REJECTED in prediction.wind.note:
             self._winds_rejected += 1
             self._wind_rejected = prediction.wind.note.partition(REJECTED)[2]
+        self._twin = prediction.simulated or self._twin
         if prediction.valid and (
             not self._times or prediction.time - self._times[-1] >= REMEMBERED_EVERY
         ):
@@ -86,6 +92,7 @@ class Summary:
             self._directions.append(wind.from_direction if told else nan)
             self._sources.append(-1 if wind is None else _SOURCES.index(wind.source))
             self._motions.extend(_motion(prediction))
+            self._apart.append(_apart(prediction))
 
     def finish(self) -> dict[str, Any]:
         """The summary, ready for JSON.
@@ -103,8 +110,11 @@ class Summary:
             found or none settles, and the wind at its end, None where nobody knew. Of the newest
             motion in wind: where its mean is from the circle's centre, downwind and across to the
             left of that, the standard deviation of the end mass in the worst horizontal direction,
-            and how far it goes from the mean [m]; None where there was none. flights counts the
-            boots of the vehicle that gave believed samples.
+            and how far it goes from the mean [m]; None where there was none. How far the simulated
+            end mass was from the predicted one at moments at which both were settled (their number,
+            median and greatest distance). flights counts the boots of the vehicle that gave
+            believed samples; simulation_begun_anew says why the twin was, and how often, None where
+            there is none.
 
         Notes
         -----
@@ -113,6 +123,9 @@ class Summary:
         a quarter of a turn late.
         """
         orbits = [self._orbit(segment) for segment in self._segments.finish()]
+        losses = None
+        if self._twin is not None:
+            losses = {why.value: count for why, count in self._twin.losses.items()}
         return {
             **self.tally.as_dict(),
             "start": {"vehicle_time_s": self._first_time, "stamp_ns": self._first_stamp},
@@ -121,6 +134,7 @@ class Summary:
             },
             "orbits": orbits,
             "flights": len(self._flights),
+            "simulation_begun_anew": losses,
         }  # fmt: skip
 
     def _orbit(self, segment: OrbitSegment) -> dict[str, Any]:
@@ -151,6 +165,16 @@ class Summary:
             "settling_time_s": finite(settling_time(state)) if state else None,
             **wind,
             **motion,
+            **self._agreement(first, last),
+        }
+
+    def _agreement(self, first: int, last: int) -> dict[str, Any]:
+        """How far apart simulated and predicted end mass were on an orbit."""
+        apart = [d for d in self._apart[first : last + 1] if isfinite(d)]
+        return {
+            "simulated_moments": len(apart),
+            "simulated_apart_m": median(apart) if apart else None,
+            "simulated_apart_greatest_m": max(apart) if apart else None,
         }
 
     def _newest_motion(self, first: int, last: int) -> dict[str, Any]:
@@ -189,6 +213,14 @@ def _motion(prediction: Prediction) -> tuple[float, ...]:
     off = complex(east, north) / complex(*wind.velocity) * wind.speed
     spread = sqrt(np.linalg.eigvalsh(end_mass.covariance[:2, :2])[-1])
     return off.real, off.imag, spread, end_mass.excursion
+
+
+def _apart(prediction: Prediction) -> float:
+    """Distance of simulated and predicted end mass [m]; nan unless both are settled."""
+    simulated, end_mass = prediction.simulated, prediction.end_mass
+    if simulated is None or not simulated.valid or not end_mass.settled:
+        return nan
+    return float(np.linalg.norm(simulated.position - end_mass.position))
 
 
 def source_counts(source: LogSource | LiveSource) -> dict[str, Any]:

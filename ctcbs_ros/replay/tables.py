@@ -83,10 +83,36 @@ PREDICTION_COLUMNS = (
     "jump_radius_relative",
     "jump_radius_landing_radius_m",
     "other_end_mass_radii_m",
+    "simulated_state",
+    "simulated_begun_as",
+    "simulated_since_s",
+    "simulated_valid_from_s",
+    "simulated_east_m",
+    "simulated_north_m",
+    "simulated_up_m",
+    "simulated_yaw_rad",
+    "simulated_east_std_m",
+    "simulated_north_std_m",
+    "simulated_up_std_m",
+    "simulated_from_predicted_m",
+    "simulated_wind_known",
+    "simulated_restarts",
+    "ahead_ending",
+    "ahead_settles_in_s",
+    "ahead_age_s",
+    "ahead_mean_east_m",
+    "ahead_mean_north_m",
+    "ahead_mean_up_m",
+    "ahead_radius_m",
+    "ahead_least_distance_m",
+    "ahead_greatest_distance_m",
     "warnings",
 )
 # samples.csv
-SAMPLE_COLUMNS = (*TIME, "skip", "valid", *TOW_POINT, "warnings")
+SAMPLE_COLUMNS = (
+    *TIME, "skip", "valid", *TOW_POINT, "simulated_state", "simulated_east_m",
+    "simulated_north_m", "simulated_up_m", "warnings",
+)  # fmt: skip
 
 # beacon.csv
 BEACON_COLUMNS = (

@@ -191,6 +191,14 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
                 f"{orbit['end_mass_excursion_m']:.0f} m from there; +- "
                 f"{orbit['end_mass_horizontal_std_m']:.0f} m (radius, depth and margin: still air)"
             )
+    for number, orbit in enumerate(orbits, 1):
+        if orbit["simulated_moments"]:
+            yield (
+                f"Simulated beside predicted end mass on orbit {number}, both settled: "
+                f"{orbit['simulated_apart_m']:.1f} m apart, "
+                f"{orbit['simulated_apart_greatest_m']:.1f} m at most, at "
+                f"{_counted(orbit['simulated_moments'], 'moment')}"
+            )
 
 
 def _settled(orbit: dict[str, Any]) -> bool:

@@ -30,7 +30,7 @@ class Loss(Enum):
 
 @dataclass(frozen=True)
 class Simulated:
-    """The twin after a sample, in SI units and the prediction's local frame.
+    """The twin after a sample, in SI units and the orbit's local frame.
 
     Attributes
     ----------

@@ -15,11 +15,12 @@ from ctcbs_ros.atmosphere import GRAVITY
 from ctcbs_ros.configuration import Configuration
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.orbit.orbit import Orbit
-from ctcbs_ros.prediction.prediction import Prediction
+from ctcbs_ros.orbit.wind import Wind
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.twin.beginning import behind, on_orbit, settling_time_behind
 from ctcbs_ros.twin.look_ahead import LookAhead, Settling
+from ctcbs_ros.twin.seen import Seen
 from ctcbs_ros.twin.simulated import Loss, Simulated, TwinState
 from ctcbs_ros.twin.simulated_cable import SimulatedCable, line_in_si
 from ctcbs_ros.twin.tow_point import TowPoint
@@ -95,48 +96,52 @@ class Twin:
             self._end_mass = end_mass
         self._line_density = None
 
-    def update(self, sample: Sample, prediction: Prediction) -> Simulated | None:
-        """Take in a sample with what was predicted of it.
+    def update(self, seen: Seen) -> Simulated | None:
+        """Take in a sample that is believed.
 
         Parameters
         ----------
-        sample : Sample
-        prediction : Prediction
-            Of this sample, by the predictor of the same configuration.
+        seen : Seen
 
         Returns
         -------
         Simulated or None
-            None of a sample that was skipped, or has the time of the one before.
+            None of a sample that has the time of the one before.
         """
-        if prediction.skip is not None or prediction.tow_point is None:
-            return None
-        if prediction.flight != self._flight or sample.time < self._last_time:
+        sample = seen.sample
+        if sample.flight != self._flight or sample.time < self._last_time:
             self._lose(Loss.NEW_FLIGHT)
             self._forget()
-            self._flight = prediction.flight
+            self._flight = sample.flight
         elif sample.time == self._last_time:
             return None
         before = self._line
-        if self._take_line(sample, prediction):
-            self._follow(sample, prediction, before)
+        # What overflows ends as a number that is not finite, and is told by that.
+        with np.errstate(all="ignore"):
+            try:
+                if self._take_line(seen):
+                    self._follow(seen, before)
+            except (ArithmeticError, ValueError):
+                self._lose(Loss.NOT_FOLLOWED)
+                self._tow = None
         self._last_time = sample.time
-        self._orbit = prediction.orbit
+        self._orbit = seen.orbit
         return self._simulated(sample)
 
     # --- the tow point and the air --------------------------------------------------------------
 
-    def _follow(self, sample: Sample, prediction: Prediction, before) -> None:
+    def _follow(self, seen: Seen, before) -> None:
+        sample = seen.sample
         receiver = self._configuration.receiver
         sigmas = (
             _stated(sample.horizontal_accuracy, receiver.position_sigma),
             _stated(sample.speed_accuracy, receiver.velocity_sigma),
         )
-        position, velocity = prediction.tow_point, sample.velocity
+        position, velocity = seen.tow_point, sample.velocity
         wind_before = self._wind
-        told = self._take_wind(sample.time, prediction)
+        told = self._take_wind(sample.time, seen.wind)
         interval = sample.time - self._last_time
-        orbit = self._orbit if prediction.orbit is not None else None
+        orbit = self._orbit if seen.orbit is not None else None
         longest = _COAST * 2.0 * pi / orbit.angular_rate if orbit else _COAST_STRAIGHT
         if self._tow is not None and interval > longest:
             self._lose(Loss.GAP)
@@ -159,17 +164,18 @@ class Twin:
         if self._cable is not None and told and self._felt():
             self._lose(Loss.WIND_FOUND)
         if self._cable is None:
-            self._begin(sample.time, prediction)
+            self._begin(seen)
             return
         if not self._advance(path, wind_before, before):
             self._lose(Loss.NOT_FOLLOWED)
             return
-        self._look_ahead(interval, sample.time, prediction.orbit)
+        self._look_ahead(interval, sample.time, seen.orbit)
 
-    def _take_line(self, sample: Sample, prediction: Prediction) -> bool:
-        density = prediction.air_density
+    def _take_line(self, seen: Seen) -> bool:
+        density = seen.air_density
         if not isfinite(density):
-            density = self._configuration.air.density_at(sample.altitude_amsl, sample.air_density)
+            air, sample = self._configuration.air, seen.sample
+            density = air.density_at(sample.altitude_amsl, sample.air_density)
         known = self._line_density
         if known is not None and not abs(density / known - 1.0) > _DENSITY:
             return True
@@ -187,13 +193,13 @@ class Twin:
         self._line_density = density
         return True
 
-    def _take_wind(self, time: float, prediction: Prediction) -> bool:
+    def _take_wind(self, time: float, wind: Wind | None) -> bool:
         """Take over the wind believed; whether it is the first one."""
-        if prediction.wind is None:
+        if wind is None:
             return False
-        told = np.append(prediction.wind.velocity, 0.0)
+        told = np.append(wind.velocity, 0.0)
         first = self._wind_covariance is None
-        self._wind_covariance = prediction.wind.covariance
+        self._wind_covariance = wind.covariance
         if first or self._cable is None:
             self._wind = told
         else:
@@ -218,20 +224,21 @@ class Twin:
 
     # --- the cable ------------------------------------------------------------------------------
 
-    def _begin(self, time: float, prediction: Prediction) -> None:
-        orbit, tow = prediction.orbit, self._tow
-        if orbit is not None and prediction.end_mass is not None:
+    def _begin(self, seen: Seen) -> None:
+        time, orbit, tow = seen.sample.time, seen.orbit, self._tow
+        if orbit is not None and isfinite(seen.end_mass_radius):
             point = flight_point(
-                self._configuration, orbit.radius, orbit.speed, prediction.air_density,
+                self._configuration, orbit.radius, orbit.speed, seen.air_density,
                 self._cable_length, self._end_mass,
             )  # fmt: skip
-            state = prediction.end_mass.state
-            begun = on_orbit(orbit, point, state.radius, self._wind[:2], self._segments)
+            begun = on_orbit(
+                orbit, point, seen.end_mass_radius, self._wind[:2], self._segments
+            )
             if begun is None:
                 return
             self._cable = begun.cable
             self._begun_as = "periodic motion" if begun.periodic else "steady state in still air"
-            self._valid_from = time + prediction.end_mass.settling_time
+            self._valid_from = time + seen.settling_time
         elif orbit is None and time - self._straight_since >= _STRAIGHT_TIME:
             self._cable = behind(
                 self._line, self._segments, tow.position, tow.velocity, self._wind
