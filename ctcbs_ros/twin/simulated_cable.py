@@ -1,22 +1,28 @@
 """The cable in time, in SI, advanced piece by piece: light enough to go beside the telemetry.
 
-The equations, the integrator and its tolerance are those of `ctcbs_ros.dynamics.cable`; what that
-checks of a whole run is known here.
+The equations and the integrator are those of `ctcbs_ros.dynamics.cable`; what that checks of a
+whole run is known here. Waves of stretch along the cable, which hardly move the end mass, are not
+followed closely: noise would stir them up all the time, and nothing damps them.
 """
 
 from dataclasses import dataclass, replace
+from math import pi
 
 import numpy as np
 
-from ctcbs_ros.dynamics.cable import TOLERANCE
 from ctcbs_ros.dynamics.line import Line, line_of
 from ctcbs_ros.kernels import cable_motion
 from ctcbs_ros.scaling import FlightPoint
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.twin.tow_point import Pieces
 
+# Error of a step in units of the cable's length and of the tow speed.
+_TOLERANCE = 1e-3
 # Errors of tensions, in units of weight and drag, may be so many times larger: as in a whole run.
 _TENSION = 10.0
+# Least damping of stretch, times pi and the speed of its waves over the length: it takes the first
+# wave by half in two of its periods.
+_DAMPING = 0.1
 # A second takes a hundred; what needs so many is lost.
 _MOST_STEPS = 5000
 # Strain of a cable that is said not to stretch, under all its weight.
@@ -87,7 +93,7 @@ class SimulatedCable:
         if seen is None:
             seen = np.empty((0, *self.positions.shape))
         status, _, self.step, _, _ = cable_motion.advance(
-            drive, line.packed(), _NONE, TOLERANCE, line.length, scale_v, scale_t, _MOST_STEPS,
+            drive, line.packed(), _NONE, _TOLERANCE, line.length, scale_v, scale_t, _MOST_STEPS,
             0.0, span, first, self.positions, self.velocities, times, seen,
             np.empty_like(seen),
         )  # fmt: skip
@@ -111,7 +117,9 @@ def line_in_si(point: FlightPoint) -> Line:
     """The cable and its end mass [m, s, kg]."""
     parameters = elastic(point.parameters)
     mass = point.mass_per_length * point.radius
-    return line_of(parameters).scaled(point.radius, 1.0 / point.angular_rate, mass)
+    line = line_of(parameters).scaled(point.radius, 1.0 / point.angular_rate, mass)
+    wave = (line.stiffness / line.mass_per_length) ** 0.5
+    return replace(line, damping=max(line.damping, _DAMPING * line.length / (pi * wave)))
 
 
 def _straight(before, after, span):
