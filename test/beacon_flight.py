@@ -17,8 +17,6 @@ from ctcbs_ros.simulate import SimulatedBeacon, simulate_flight, simulate_payloa
 from ctcbs_ros.telemetry.beacon import BeaconSample, BeaconWanted
 from ctcbs_ros.telemetry.local_frame import LocalFrame
 from ctcbs_ros.telemetry.source import open_log
-from ctcbs_ros.twin.simulated import Simulated
-from ctcbs_ros.twin.twin import Twin
 
 DRONE = Path(__file__).parents[1] / "config" / "small_drone.yaml"
 SYSTEM = 42
@@ -35,7 +33,6 @@ class Flight:
     log: faults_log.Log
     configuration: Configuration
     predictions: list[Prediction]
-    simulations: list[Simulated | None]
     frame: LocalFrame
     folder: Path
 
@@ -57,13 +54,13 @@ class Flight:
         comparer = BeaconComparer(
             self.configuration.beacon, self.frame, self.configuration.cable.length
         )
-        predictions = iter(zip(self.predictions, self.simulations, strict=True))
+        predictions = iter(self.predictions)
         found = []
         for item in open_log(path, beacon=wanted or BeaconWanted(SYSTEM)):
             if isinstance(item, BeaconSample):
                 found += comparer.add(item)
             else:
-                found += comparer.hear(*next(predictions))
+                found += comparer.hear(next(predictions))
         assert next(predictions, None) is None
         found += comparer.finish()
         tally = BeaconTally()
@@ -84,15 +81,11 @@ def fly(
         path, flight, latitude=47.4, longitude=8.5,
         beacon=SimulatedBeacon(payload, SYSTEM, OFFSET, noise),
     )  # fmt: skip
-    predictor = Predictor(configuration, table)
+    predictor = Predictor(configuration, table, with_twin)
     samples = list(open_log(path, system=1))
     predictions = [predictor.update(sample) for sample in samples]
-    simulations = [None] * len(samples)
-    if with_twin:
-        twin = Twin(configuration)
-        simulations = [twin.update(*both) for both in zip(samples, predictions, strict=True)]
     log = faults_log.read(path)
-    return Flight(log, configuration, predictions, simulations, predictor.frame, folder)
+    return Flight(log, configuration, predictions, predictor.frame, folder)
 
 
 def errors(found: list[Comparison], after=0.0) -> np.ndarray:

@@ -106,8 +106,11 @@ def test_the_twin_is_where_the_beacon_is_on_the_way_into_the_circle_as_well(flig
 
 
 def test_a_simulation_in_a_wind_that_nobody_knows_is_counted_apart(flight):
-    unknown = [s and replace(s, wind_known=False) for s in flight.simulations]
-    _, tally = replace(flight, simulations=unknown).compared()
+    unknown = [
+        replace(p, simulated=p.simulated and replace(p.simulated, wind_known=False))
+        for p in flight.predictions
+    ]
+    _, tally = replace(flight, predictions=unknown).compared()
     assert tally.simulated[Standing.SETTLED].count == 0
     assert tally.simulated[Standing.UNMODELLED].count > 500
 

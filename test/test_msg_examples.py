@@ -37,7 +37,7 @@ EXAMPLES = Path(__file__).parents[1] / "msg_examples"
 LATCHED = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
 
 # The flight that the examples are a moment of: anticlockwise over Zurich, no noise.
-RADIUS, SPEED, TURNS, RATE = 60.0, 20.0, 1.5, 5.0
+RADIUS, SPEED, TURNS, RATE = 60.0, 20.0, 2.0, 5.0
 CENTER = Datum(47.4, 8.5, 700.0, True)
 LAST_STAMP_NS = 1_767_268_800_000_000_000  # 2026-01-01 12:00 UTC
 LAST_ANGLE = radians(30.0)
@@ -48,6 +48,9 @@ LOCAL_INPUTS = {
 }  # fmt: skip
 OUTPUTS = {
     "end_mass_pose": ("/predictor/end_mass/pose", PoseWithCovarianceStamped, 10),
+    "end_mass_simulated_pose": (
+        "/predictor/end_mass/simulated_pose", PoseWithCovarianceStamped, 10,
+    ),
     "end_mass_fix": ("/predictor/end_mass/fix", NavSatFix, 10),
     "orbit_center": ("/predictor/orbit_center", PointStamped, 10),
     "stability_margin": ("/predictor/stability_margin", Float64, 10),

@@ -75,16 +75,12 @@ class BeaconComparer:
         """Take over the cable paid out [m]."""
         self._cable_length = cable_length
 
-    def hear(
-        self, prediction: Prediction, simulated: Simulated | None = None
-    ) -> list[Comparison]:
+    def hear(self, prediction: Prediction) -> list[Comparison]:
         """Take in the prediction of one more of the aircraft's samples.
 
         Parameters
         ----------
         prediction : Prediction
-        simulated : Simulated, optional
-            The twin after that sample.
 
         Returns
         -------
@@ -105,6 +101,7 @@ class BeaconComparer:
         if any(warning.code is WarningCode.JUMPED for warning in prediction.warnings):
             self._jumped_at = time
         self._predicted.add(time, place_of(prediction, time - self._jumped_at))
+        simulated = prediction.simulated
         self._simulated.add(time, None if simulated is None else simulated_place(simulated))
         return found + self._compare_waiting()
 

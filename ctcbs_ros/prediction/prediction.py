@@ -1,11 +1,12 @@
 """The prediction: what the predictor makes of one sample, in SI units and ENU."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.wind import Wind
+from ctcbs_ros.periodic.motion import PeriodicMotion
 from ctcbs_ros.prediction.codes import Warning
 from ctcbs_ros.telemetry.skip_code import SkipCode
 from ctcbs_ros.twin.simulated import Simulated
@@ -80,6 +81,8 @@ class MotionInWind:
         East, north, up [m] from the end mass up.
     path : (n, 3) ndarray
         Over the turn from now on, at equal times [m].
+    motion : PeriodicMotion
+        As it was solved, for a flight nearby.
     """
 
     position: np.ndarray
@@ -87,6 +90,7 @@ class MotionInWind:
     covariance: np.ndarray
     cable: np.ndarray
     path: np.ndarray
+    motion: PeriodicMotion = field(repr=False)
 
     @property
     def mean(self) -> np.ndarray:

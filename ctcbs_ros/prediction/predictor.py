@@ -154,11 +154,16 @@ class Predictor:
         prediction = self._predicted(sample)
         if self._twin is None or prediction.skip is not None:
             return prediction
-        settled = prediction.end_mass
+        end_mass = prediction.end_mass
+        in_wind = None if end_mass is None else end_mass.in_wind
         seen = Seen(
             sample, prediction.tow_point, prediction.orbit, prediction.wind,
-            prediction.air_density, settled.state.radius if settled else nan,
-            settled.settling_time if settled else inf,
+            prediction.air_density,
+            end_mass_radius=end_mass.state.radius if end_mass else nan,
+            settling_time=end_mass.settling_time if end_mass else inf,
+            motion=in_wind.motion if in_wind else None,
+            searching=self._follower.searching,
+            at_airspeed=self._at_airspeed,
         )  # fmt: skip
         return replace(prediction, simulated=self._twin.update(seen))
 

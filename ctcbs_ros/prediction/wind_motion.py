@@ -267,6 +267,7 @@ def motion_in_wind(
         covariance=0.5 * (known + known.T),
         cable=_in_field(cable.T + here.tow_point, orbit, downwind),
         path=_in_field(turn, orbit, downwind),
+        motion=solved.motion,
     )
 
 

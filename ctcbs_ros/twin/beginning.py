@@ -9,18 +9,15 @@ from scipy.linalg import eigvals
 from ctcbs_ros.atmosphere import GRAVITY
 from ctcbs_ros.dynamics.equilibrium import equilibrium, trailing
 from ctcbs_ros.dynamics.line import Line
-from ctcbs_ros.errors import InputError
 from ctcbs_ros.kernels.cable_forces import derivatives, masses
 from ctcbs_ros.orbit.orbit import Orbit
-from ctcbs_ros.periodic.circle import DRIFT, Circle, motion_on
+from ctcbs_ros.periodic.circle import Circle
 from ctcbs_ros.periodic.motion import PeriodicMotion
 from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED
 from ctcbs_ros.scaling import FlightPoint
 from ctcbs_ros.solver.steady_state import steady_states
 from ctcbs_ros.twin.simulated_cable import SimulatedCable, elastic
 
-# The end mass may begin so far off [a]: the rest of a transient.
-_ACCURACY = 1e-3
 # Faster than so many times the pendulum of its length, a motion is one of the cable's stretch,
 # hardly damped, which moves the end mass by little; so are those left out on a circle, above five
 # times the orbit's rate.
@@ -42,25 +39,23 @@ class Begun:
     periodic: bool
 
 
-def circle_of(orbit: Orbit, wind) -> Circle:
-    """The orbit in a wind, (2,): held over the ground at constant airspeed, or drifting with it.
+def circle_of(orbit: Orbit, wind, at_airspeed: bool) -> Circle:
+    """The orbit in a wind, (2,), as seen by who drifts with its centre.
 
     Raises
     ------
     InputError
         If the air is as fast as the aircraft.
     """
-    kind = AIRSPEED
-    if np.any(orbit.drift):
-        kind = DRIFT
-    elif not np.any(wind):
-        kind = GROUND_SPEED
-    return Circle(orbit.radius, orbit.angular_rate, orbit.sense, *map(float, wind), kind)
+    past = np.asarray(wind, float) - orbit.drift
+    kind = AIRSPEED if at_airspeed else GROUND_SPEED
+    return Circle(orbit.radius, orbit.angular_rate, orbit.sense, *past.tolist(), kind)
 
 
 def on_orbit(
-    orbit: Orbit, point: FlightPoint, end_mass_radius: float, wind, segments: int
-) -> Begun | None:
+    orbit: Orbit, point: FlightPoint, end_mass_radius: float, wind, at_airspeed: bool,
+    motion: PeriodicMotion | None, segments: int,
+) -> Begun | None:  # fmt: skip
     """The cable as it moves once it has settled on an orbit.
 
     Parameters
@@ -71,6 +66,10 @@ def on_orbit(
         Of the steady state in still air that is flown [m].
     wind : (2,) array_like
         Towards east, north [m/s].
+    at_airspeed : bool
+        Whether the circle is flown at constant airspeed.
+    motion : PeriodicMotion or None
+        In the wind, of a flight nearby.
     segments : int
 
     Returns
@@ -78,17 +77,13 @@ def on_orbit(
     Begun or None
         Its tow point is the orbit's at the orbit's time; None where there is no steady state.
     """
+    if motion is not None:
+        circle = circle_of(orbit, wind, at_airspeed)
+        return Begun(_of_motion(circle, motion, orbit, point.parameters.length, segments), True)
     states = steady_states(elastic(point.parameters)).states
     if not states:
         return None
     state = min(states, key=lambda s: abs(s.end_mass_radius * point.radius - end_mass_radius))
-    try:
-        circle = circle_of(orbit, wind)
-        found = motion_on(circle, state, accuracy=_ACCURACY).motion
-    except InputError:
-        found = None
-    if found is not None:
-        return Begun(_of_motion(circle, found, orbit, segments), True)
     try:
         still = equilibrium(state, segments)
     except ArithmeticError:
@@ -104,10 +99,12 @@ def on_orbit(
     )
 
 
-def _of_motion(circle: Circle, motion: PeriodicMotion, orbit: Orbit, segments) -> SimulatedCable:
-    length = motion.parameters.length
-    arc = np.linspace(0.0, length, 2 * segments + 1)
-    short = 1e-3 * length / segments
+def _of_motion(
+    circle: Circle, motion: PeriodicMotion, orbit: Orbit, length: float, segments: int
+) -> SimulatedCable:
+    """The motion's shape at the orbit's phase, of a cable of a length over the tow radius."""
+    arc = np.linspace(0.0, motion.parameters.length, 2 * segments + 1)
+    short = 1e-3 * motion.parameters.length / segments
 
     def nodes(time):
         """Each segment as long as the cable in its middle is stretched, from the tow point down.

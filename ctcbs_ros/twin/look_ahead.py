@@ -1,7 +1,7 @@
 """When the end mass will have settled if the present orbit is flown on, and where.
 
 A second cable goes on from the simulated one's present state, faster than time, a few turns of the
-orbit as it was then: the circle over the ground at constant airspeed, or with the drifting air.
+orbit as it was then, over the ground or with its drift, at constant airspeed or ground speed.
 Orbits are held against each other, as a planned entry's are (`ctcbs_ros.dynamics.entry`): nothing
 is taken from the periodic solution.
 """
@@ -84,6 +84,8 @@ class LookAhead:
     line : Line
     wind : (3,) array_like
         [m/s]
+    at_airspeed : bool
+        Whether the circle is flown at constant airspeed or at constant ground speed.
 
     Raises
     ------
@@ -91,12 +93,15 @@ class LookAhead:
         If the air is as fast as the aircraft.
     """
 
-    def __init__(self, time: float, cable: SimulatedCable, orbit: Orbit, line: Line, wind):
+    def __init__(
+        self, time: float, cable: SimulatedCable, orbit: Orbit, line: Line, wind,
+        at_airspeed: bool = True,
+    ):  # fmt: skip
         self._begun, self._orbit, self._line = time, orbit, line
         self._cable = cable.copy()
         self._wind = np.array(wind, float)
         self._period = 2.0 * pi / orbit.angular_rate
-        circle = circle_of(orbit, self._wind[:2])
+        circle = circle_of(orbit, self._wind[:2], at_airspeed)
         times = circle.time_at(orbit.phase) + 2.0 * pi * np.arange(A_TURN) / A_TURN
         places, speeds, _ = circle.tow_path.motion(times)
         self._places = orbit.radius * circle.in_field(places)

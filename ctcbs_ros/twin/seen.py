@@ -7,6 +7,7 @@ import numpy as np
 
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.wind import Wind
+from ctcbs_ros.periodic.motion import PeriodicMotion
 from ctcbs_ros.telemetry.sample import Sample
 
 
@@ -29,6 +30,12 @@ class Seen:
         Of the steady state in still air that is flown [m]; nan where there is none.
     settling_time : float
         In which a small disturbance of it decays to 5 % [s].
+    motion : PeriodicMotion or None
+        What it is in the wind, of a flight nearby; None where that is not known.
+    searching : bool
+        Whether that motion is being solved.
+    at_airspeed : bool
+        Whether a circle is flown at constant airspeed or at constant ground speed.
     """
 
     sample: Sample
@@ -38,3 +45,6 @@ class Seen:
     air_density: float = nan
     end_mass_radius: float = nan
     settling_time: float = inf
+    motion: PeriodicMotion | None = None
+    searching: bool = False
+    at_airspeed: bool = True

@@ -169,7 +169,7 @@ class Twin:
         if not self._advance(path, wind_before, before):
             self._lose(Loss.NOT_FOLLOWED)
             return
-        self._look_ahead(interval, sample.time, seen.orbit)
+        self._look_ahead(interval, seen)
 
     def _take_line(self, seen: Seen) -> bool:
         density = seen.air_density
@@ -227,13 +227,16 @@ class Twin:
     def _begin(self, seen: Seen) -> None:
         time, orbit, tow = seen.sample.time, seen.orbit, self._tow
         if orbit is not None and isfinite(seen.end_mass_radius):
+            if seen.searching and seen.motion is None:
+                return
             point = flight_point(
                 self._configuration, orbit.radius, orbit.speed, seen.air_density,
                 self._cable_length, self._end_mass,
             )  # fmt: skip
             begun = on_orbit(
-                orbit, point, seen.end_mass_radius, self._wind[:2], self._segments
-            )
+                orbit, point, seen.end_mass_radius, self._wind[:2], seen.at_airspeed,
+                seen.motion, self._segments,
+            )  # fmt: skip
             if begun is None:
                 return
             self._cable = begun.cable
@@ -270,7 +273,8 @@ class Twin:
             for cable, off in cables
         )
 
-    def _look_ahead(self, interval: float, time: float, orbit: Orbit | None) -> None:
+    def _look_ahead(self, interval: float, seen: Seen) -> None:
+        orbit = seen.orbit
         if orbit is None:
             self._ahead = self._settling = None
             return
@@ -278,7 +282,10 @@ class Twin:
             self._ahead = self._settling = None
         if self._ahead is None:
             try:
-                self._ahead = LookAhead(time, self._cable, orbit, self._line, self._wind)
+                self._ahead = LookAhead(
+                    seen.sample.time, self._cable, orbit, self._line, self._wind,
+                    seen.at_airspeed,
+                )  # fmt: skip
             except InputError:
                 return
         found = self._ahead.go_on(SPEED_UP * interval)
