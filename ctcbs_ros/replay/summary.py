@@ -110,11 +110,11 @@ class Summary:
             found or none settles, and the wind at its end, None where nobody knew. Of the newest
             motion in wind: where its mean is from the circle's centre, downwind and across to the
             left of that, the standard deviation of the end mass in the worst horizontal direction,
-            and how far it goes from the mean [m]; None where there was none. How far the simulated
-            end mass was from the predicted one at moments at which both were settled (their number,
-            median and greatest distance). flights counts the boots of the vehicle that gave
-            believed samples; simulation_begun_anew says why the twin was, and how often, None where
-            there is none.
+            and how far it goes from the mean [m]; None where there was none. How far the
+            simulated end mass was from the predicted one at moments at which both were settled
+            (their number, median and greatest distance). flights counts the boots of the vehicle
+            that gave believed samples; simulation_begun_anew says why the twin was, and how often,
+            None where there is none.
 
         Notes
         -----
