@@ -152,9 +152,11 @@ class LookAhead:
         centre = self._orbit.center + times[1:, None] * self._moves
         self._found.extend(seen[:, 0] - centre)
         self._done += count
-        return self._judged() if self._done % A_TURN == 0 else None
+        found = self._judged() if self._done % A_TURN == 0 else None
+        self.ended = found is not None
+        return found
 
-    lost = False
+    lost = ended = False
 
     def _judged(self) -> Settling | None:
         orbits = np.array(self._found).reshape(-1, A_TURN, 3)

@@ -278,21 +278,31 @@ class Twin:
         if orbit is None:
             self._ahead = self._settling = None
             return
+        time = seen.sample.time
         if self._ahead is not None and not self._ahead.is_of(orbit, self._wind):
             self._ahead = self._settling = None
-        if self._ahead is None:
+        if self._ahead is not None and self._ahead.ended and not self._is_due(time, orbit):
+            return
+        if self._ahead is None or self._ahead.ended:
             try:
                 self._ahead = LookAhead(
-                    seen.sample.time, self._cable, orbit, self._line, self._wind,
-                    seen.at_airspeed,
-                )  # fmt: skip
+                    time, self._cable, orbit, self._line, self._wind, seen.at_airspeed
+                )
             except InputError:
+                self._ahead = None
                 return
         found = self._ahead.go_on(SPEED_UP * interval)
         if found is not None:
             self._settling = found
-        if found is not None or self._ahead.lost:
+        if self._ahead.lost:
             self._ahead = None
+
+    def _is_due(self, time: float, orbit: Orbit) -> bool:
+        """Whether to look ahead again: where all has settled, once a turn is often enough."""
+        settling = self._settling
+        return not settling.settles_at <= time or (
+            time - settling.begun >= 2.0 * pi / orbit.angular_rate
+        )
 
     def _lose(self, why: Loss) -> None:
         if self._cable is not None:
