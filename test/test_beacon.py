@@ -18,8 +18,9 @@ from ctcbs_ros.beacon.difference import REGION_95, difference
 from ctcbs_ros.beacon.motion import LONGEST_GAP, Motion, Place
 from ctcbs_ros.beacon.record import comparison_record
 from ctcbs_ros.beacon.statistics import DifferenceStatistics
+from ctcbs_ros.beacon.tally import BeaconTally
 from ctcbs_ros.cli.main import main
-from ctcbs_ros.replay.text import STANDINGS, UNMATCHED
+from ctcbs_ros.replay.text import STANDINGS, UNMATCHED, _beacon_lines
 from ctcbs_ros.telemetry.beacon import BeaconWanted
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
@@ -170,6 +171,32 @@ def test_a_replay_writes_sums_up_and_draws_what_the_beacon_measured(
     assert re.search(rf"predicted, settled +{len(settled)} +\d", printed)
     assert "NO_PREDICTION" in printed
     assert (out / "beacon.png").stat().st_size > 10_000
+
+
+def test_a_wrong_cable_length_is_said_in_the_summary_and_a_right_one_or_a_glitch_is_not(flight):
+    def summed_up(outcomes):
+        tally = BeaconTally()
+        for one in outcomes:
+            tally.add(one)
+        return "\n".join(_beacon_lines({"vehicle": None, **tally.as_dict()}))
+
+    found, _ = flight.clean
+    assert "cable.length" not in summed_up(found)
+    out = replace(found[-1], outcome=Unmatched.OUT_OF_REACH, predicted=None, simulated=None)
+    assert "cable.length" not in summed_up([out] * 40 + found[50:])
+    shorter = replace(flight.configuration.cable, length=80.0)
+    wrong = replace(flight, configuration=replace(flight.configuration, cable=shorter))
+    found, tally = wrong.compared()
+    beside = len(found) - sum(
+        n for code, n in tally.outcomes.items()
+        if code in (Unmatched.NO_AIRCRAFT, Unmatched.NO_COMMON_TIME)
+    )  # fmt: skip
+    share = tally.outcomes[Unmatched.OUT_OF_REACH] / beside
+    assert share > 0.1
+    assert f"{share:.0%} of them are farther from the aircraft than the cable is" in (
+        text := summed_up(found)
+    )
+    assert "check cable.length" in text.splitlines()[2]
 
 
 def test_every_reason_and_standing_is_told_in_words():

@@ -1,8 +1,11 @@
 """The payload's beacon through the real node: from a log as through the core, and from a topic."""
 
 import json
+import re
+from dataclasses import replace
 from functools import partial
 from math import cos, pi, sin
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +14,7 @@ import yaml
 pytest.importorskip("rclpy", reason="needs ROS 2 (rclpy)")
 
 from beacon_flight import DRONE, OFFSET, STILL, SYSTEM, fly
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseWithCovarianceStamped, Vector3Stamped
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSHistoryPolicy, QoSProfile
@@ -22,8 +25,11 @@ from std_msgs.msg import String
 from ctcbs_ros.cli.main import main
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.geodesy import Datum, to_geodetic
+from ctcbs_ros.nodes.beacon import NodeBeacon
 from ctcbs_ros.replay.through_node import quoted
 from ctcbs_ros.table.storage import load_table
+from ctcbs_ros.telemetry.beacon import BeaconSample, BeaconWanted
+from ctcbs_ros.telemetry.source import open_log
 from ctcbs_ros.telemetry.topics import nanoseconds
 
 KEEP_ALL = QoSProfile(history=QoSHistoryPolicy.KEEP_ALL)
@@ -43,12 +49,17 @@ def with_beacon(folder):
     return file
 
 
-def test_a_beacon_in_a_log_comes_through_the_node_as_through_the_core(tmp_path, drone_table):
-    file = with_beacon(tmp_path)
-    configuration = load_configuration(file)
-    table = load_table(drone_table, configuration)
-    fly(tmp_path, table, turns=3.0)
-    log = tmp_path / "flight.tlog"
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory, drone_table):
+    folder = tmp_path_factory.mktemp("flight")
+    table = load_table(drone_table, load_configuration(with_beacon(folder)))
+    return fly(folder, table, turns=3.0)
+
+
+def test_a_beacon_in_a_log_comes_through_the_node_as_through_the_core(
+    flight, tmp_path, drone_table
+):
+    file, log = with_beacon(tmp_path), flight.folder / "flight.tlog"
 
     summaries, tables = {}, {}
     for way in ("core", "node"):
@@ -67,6 +78,60 @@ def test_a_beacon_in_a_log_comes_through_the_node_as_through_the_core(tmp_path, 
     assert settled["count"] > 100
     # of the entry some metres are left in the first of these
     np.testing.assert_allclose(settled["mean_m"], OFFSET, atol=2.0)
+
+
+def told_of(flight, length=None, shift=0.0):
+    """The node's part for the beacon after a flight, with the predictions shifted east [m]."""
+    configuration = flight.configuration
+    if length is not None:
+        configuration = replace(configuration, cable=replace(configuration.cable, length=length))
+    nothing = SimpleNamespace(publish_comparison=lambda comparison: None)
+    beacon = NodeBeacon(configuration, SimpleNamespace(frame=flight.frame), nothing)
+    predictions = iter(flight.predictions)
+    levels = []
+    for item in open_log(flight.folder / "flight.tlog", beacon=BeaconWanted(SYSTEM)):
+        if isinstance(item, BeaconSample):
+            beacon.take(item)
+            levels.append(beacon.status(None, {}))
+            continue
+        prediction = next(predictions)
+        if shift and prediction.end_mass is not None:
+            off = np.array([shift, 0.0, 0.0])
+            end_mass = replace(prediction.end_mass, position=prediction.end_mass.position + off)
+            prediction = replace(prediction, end_mass=end_mass)
+        beacon.hear(item, item.time, prediction)
+    return beacon, levels
+
+
+def test_a_beacon_out_of_reach_is_told_as_a_cable_length_to_check(flight):
+    beacon, _ = told_of(flight)
+    right = beacon.status(None, {})
+    assert "cable.length" not in right.message
+    beacon, _ = told_of(flight, length=80.0)
+    wrong = beacon.status(None, {})
+    assert wrong.level == DiagnosticStatus.WARN
+    assert "% of the reports are out of the cable's reach: check cable.length" in wrong.message
+    beacon.change(flight.configuration.cable.length)
+    assert "out of the cable's reach" not in beacon.status(None, {}).message
+
+
+def test_a_beacon_hundreds_of_deviations_off_is_never_ok(flight):
+    _, told = told_of(flight, shift=90.0)
+    off = [(re.search(r"([\d.]+) standard deviations", s.message), s) for s in told]
+    far = [s for found, s in off if found and float(found[1]) > 100.0]
+    assert len(far) > 50, [s.message for _, s in off[::40]]
+    assert {s.level for s in far} == {DiagnosticStatus.WARN}
+    assert all("check cable.length" in s.message for s in far)
+
+
+def test_a_status_has_no_key_of_what_is_not_there(flight):
+    beacon, _ = told_of(flight)  # without a simulation
+    pairs = {pair.key: pair.value for pair in beacon.status(None, {"link": None}).values}
+    assert "none" not in pairs.values()
+    assert "link" not in pairs
+    assert "measured_minus_predicted.settled.mean_m[0]" in pairs
+    assert pairs["measured_minus_simulated.settled.count"] == "0"
+    assert "measured_minus_simulated.settled.mean_m" not in pairs
 
 
 def test_a_topic_is_held_against_the_prediction_and_published_once_settled(tmp_path, drone_table):

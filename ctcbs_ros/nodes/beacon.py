@@ -1,12 +1,14 @@
 """The payload's beacon in the node: its reports compared, published, counted and told of."""
 
 import time
+from collections import Counter
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from ctcbs_ros.beacon.comparer import BeaconComparer
 from ctcbs_ros.beacon.comparison import Comparison, Standing, Unmatched
+from ctcbs_ros.beacon.reach import LENGTH_HINT, share_out_of_reach
 from ctcbs_ros.beacon.record import comparison_record
 from ctcbs_ros.beacon.tally import BeaconTally
 from ctcbs_ros.configuration import Configuration
@@ -14,6 +16,7 @@ from ctcbs_ros.nodes.diagnostics import key_values
 from ctcbs_ros.nodes.outputs import Outputs
 from ctcbs_ros.prediction.prediction import Prediction
 from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.prediction.record import Record
 from ctcbs_ros.replay.text import SKIPS, UNMATCHED
 from ctcbs_ros.telemetry.beacon import STAMPS, BeaconSample, CommonTime, stamp_offset
 from ctcbs_ros.telemetry.sample import Sample
@@ -21,6 +24,8 @@ from ctcbs_ros.telemetry.topics import TopicSamples
 
 # Standard deviations off that chance leaves one in a thousand.
 UNEXPLAINED = 4.0
+# As far off as this, the way to where it settles is hardly the reason, nor is still air.
+FAR = 100.0
 
 
 class NodeBeacon:
@@ -47,10 +52,15 @@ class NodeBeacon:
         self._samples, self._time = TopicSamples(), CommonTime(STAMPS)
         self._heard: float | None = None  # time.monotonic() at the newest report
         self._newest: Comparison | None = None
+        self._cable_length = configuration.cable.length
+        self._of_length: Counter = Counter()  # outcomes with this length
 
     def change(self, cable_length: float) -> None:
         """Take over the cable paid out [m]."""
         self._comparer.change(cable_length)
+        if cable_length != self._cable_length:
+            self._cable_length = cable_length
+            self._of_length.clear()
 
     def take(self, report: BeaconSample) -> None:
         """Take in a report of the beacon."""
@@ -74,6 +84,7 @@ class NodeBeacon:
     def _publish(self, comparisons: list[Comparison]) -> None:
         for comparison in comparisons:
             self.tally.add(comparison)
+            self._of_length[comparison.outcome] += 1
             self._newest = comparison
             self._outputs.publish_comparison(comparison)
 
@@ -91,7 +102,8 @@ class NodeBeacon:
         status = DiagnosticStatus(level=level, name="beacon", message=text)
         newest = self.tally.newest
         record = {} if newest is None else comparison_record(newest)
-        status.values = list(key_values(figures | self.tally.as_dict() | {"newest": record}))
+        known = _without_nulls(figures | self.tally.as_dict() | {"newest": record})
+        status.values = list(key_values(known))
         return status
 
     def _state(self, stale_after: float | None) -> tuple[bytes, str]:
@@ -102,15 +114,37 @@ class NodeBeacon:
             return DiagnosticStatus.WARN, f"no report for {silent:.1f} s"
         if self._newest is None:
             return DiagnosticStatus.OK, "reports come in"
-        outcome, found = self._newest.outcome, self._newest.predicted
-        if found is None:
-            level = DiagnosticStatus.OK
-            if outcome not in (Unmatched.NO_PREDICTION, Unmatched.NO_AIRCRAFT):
-                level = DiagnosticStatus.WARN
-            return level, f"not compared: {outcome.value}: {(SKIPS | UNMATCHED)[outcome]}"
-        text = (
-            f"{found.horizontal:.1f} m beside and {found.enu[2]:+.1f} m above the prediction, "
-            f"{found.distance:.1f} standard deviations ({outcome.value})"
-        )
-        off = outcome is Standing.SETTLED and found.distance > UNEXPLAINED
-        return (DiagnosticStatus.WARN if off else DiagnosticStatus.OK), text
+        level, text = _told(self._newest)
+        share = share_out_of_reach(self._of_length)
+        if share is None:
+            return level, text
+        doubt = f"{share:.0%} of the reports are out of the cable's reach: {LENGTH_HINT}"
+        return DiagnosticStatus.WARN, f"{doubt}; {text}"
+
+
+def _told(newest: Comparison) -> tuple[bytes, str]:
+    """Level and words of one report."""
+    outcome, found = newest.outcome, newest.predicted
+    if found is None:
+        level = DiagnosticStatus.OK
+        if outcome not in (Unmatched.NO_PREDICTION, Unmatched.NO_AIRCRAFT):
+            level = DiagnosticStatus.WARN
+        return level, f"not compared: {outcome.value}: {(SKIPS | UNMATCHED)[outcome]}"
+    text = (
+        f"{found.horizontal:.1f} m beside and {found.enu[2]:+.1f} m above the prediction, "
+        f"{found.distance:.1f} standard deviations ({outcome.value})"
+    )
+    if found.distance <= (UNEXPLAINED if outcome is Standing.SETTLED else FAR):
+        return DiagnosticStatus.OK, text
+    why = "" if outcome is Standing.SETTLED else f"unless it is so for being {outcome.value}, "
+    return DiagnosticStatus.WARN, f"{text}; {why}check cable.length, end mass, drag and beacon"
+
+
+def _without_nulls(record: Record) -> Record:
+    """A record without what is None, and without the dicts in it that are then empty."""
+    kept = {}
+    for key, value in record.items():
+        inner = _without_nulls(value) if isinstance(value, dict) else value
+        if inner is not None and inner != {}:
+            kept[key] = inner
+    return kept

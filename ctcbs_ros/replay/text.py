@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ctcbs_ros.beacon.comparison import Standing, Unmatched
+from ctcbs_ros.beacon.reach import LENGTH_HINT, share_out_of_reach
 from ctcbs_ros.orbit.segments import LEAST_TURNS
 from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.warnings import skip_warnings
@@ -226,6 +227,12 @@ def _beacon_lines(beacon: dict[str, Any]) -> Iterator[str]:
         f"Beacon of the payload{name}: {_counted(beacon['reports'], 'report')}, {skipped} of them "
         f"skipped, {apart} not compared" + (f"; its clock is tied by {tied}" if tied else "")
     )
+    share = share_out_of_reach(_outcomes(beacon))
+    if share is not None:
+        yield (
+            f"{share:.0%} of them are farther from the aircraft than the cable is long: "
+            f"{LENGTH_HINT}."
+        )
     figures = {
         text: beacon[f"measured_minus_{candidate}"][standing.value]
         for candidate, texts in STANDINGS.items()
@@ -250,9 +257,25 @@ def _beacon_lines(beacon: dict[str, Any]) -> Iterator[str]:
         )
     if beacon["measured_minus_predicted"][Standing.SETTLED.value]["count"]:
         yield "What is settled is the prediction's error, with the beacon's own; the rest is not."
+    if figures:
+        yield (
+            "In stated 95 %: inside the ellipsoid of all three errors together. Of a wind not "
+            "well known it is long one way and"
+        )
+        yield (
+            "narrow across: a place within the bands of beacon.png, which tell each axis alone, "
+            "can lie far outside of it."
+        )
     texts = {code.value: text for code, text in (SKIPS | UNMATCHED).items()}
     counts = beacon["skipped"] | beacon["not_compared"]
     yield from _count_lines("Reports of the beacon not compared", counts, texts)
+
+
+def _outcomes(beacon: dict[str, Any]) -> dict[Standing | Unmatched, int]:
+    """Counts of the reports that were believed, by what they came to."""
+    compared = beacon["measured_minus_predicted"]
+    counts = {standing: compared[standing.value]["count"] for standing in Standing}
+    return counts | {code: beacon["not_compared"].get(code.value, 0) for code in Unmatched}
 
 
 def _count_lines(title: str, counts: dict[str, int], texts: dict[str, str]) -> Iterator[str]:
