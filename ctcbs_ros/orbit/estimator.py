@@ -153,7 +153,7 @@ class OrbitEstimator:
         return self._last.orbit.sense * self._last.orbit.angular_rate
 
     def _none(self, reason: str) -> OrbitFix:
-        self._last = None
+        self._last = self._drift_covariance = None
         lost = self._orbit
         if lost is not None and len(self._window):
             turn = TURN / lost.angular_rate
@@ -198,15 +198,15 @@ class OrbitEstimator:
     def _best(self, samples: Samples, may_drift: bool) -> _Found | Objection:
         """The orbit of a circle that stands still, or of one that is seen to drift."""
         standing = self._orbit_of(samples, False)
+        if isinstance(standing, _Found) and self._drift_covariance is not None:
+            standing.orbit.covariance[_DRIFT, _DRIFT] = self._drift_covariance
         if not may_drift or samples.turned <= self._settings.drift_arc:
             return standing
         if isinstance(standing, _Found) and self._last is not None and not self._last.fit.drifts:
             turn = TURN / standing.orbit.angular_rate
             if standing.orbit.time < self._drift_sought + _SOUGHT_ANEW * turn:
-                if self._drift_covariance is not None:
-                    standing.orbit.covariance[_DRIFT, _DRIFT] = self._drift_covariance
                 return standing
-            self._drift_sought, self._drift_covariance = standing.orbit.time, None
+            self._drift_sought = standing.orbit.time
         drifting = self._orbit_of(samples, True)
         if isinstance(drifting, Objection):
             if isinstance(standing, Objection) and drifting.untold and drifting.final:
@@ -214,9 +214,12 @@ class OrbitEstimator:
                 return drifting
             return standing
         if self._is_seen_to_drift(drifting, samples):
+            self._drift_covariance = None
             return drifting
         if isinstance(standing, _Found):
-            seen = drifting.orbit.covariance[_DRIFT, _DRIFT]
+            # What drift would have been seen, and was, but not believed: none of it is excluded.
+            drift = drifting.orbit.drift
+            seen = drifting.orbit.covariance[_DRIFT, _DRIFT] + np.outer(drift, drift)
             standing.orbit.covariance[_DRIFT, _DRIFT] = self._drift_covariance = seen
         return standing
 

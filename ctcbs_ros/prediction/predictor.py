@@ -58,6 +58,8 @@ from ctcbs_ros.twin.twin import Twin
 _LONGEST_GAP = 30.0
 # Worse than this [m], [m/s] nothing is measured, and squares of it stay finite.
 _POOREST_ACCURACY = 1e3
+# Of the orbit, see `orbit.ESTIMATED`.
+_DRIFT = slice(7, 9)
 
 
 class Predictor:
@@ -320,11 +322,14 @@ class Predictor:
             self._follower.reset()
             return None
         past = wind.velocity - orbit.drift
+        covariance, of_drift = wind.covariance, orbit.covariance[_DRIFT, _DRIFT]
+        if np.isfinite(of_drift).all():  # else not sought yet: a circle that stands still
+            covariance = covariance + of_drift
         self._at_airspeed = self._wind_of_turn.holds_airspeed(wind.velocity, self._at_airspeed)
         kind = AIRSPEED if self._at_airspeed else GROUND_SPEED
         return self._follower.update(
             orbit, lambda radius, speed: self._point(radius, speed, density).parameters,
-            tracked.state, past, wind.covariance, kind,
+            tracked.state, past, covariance, kind,
         )  # fmt: skip
 
     def _geodetic(self, position: np.ndarray) -> Geodetic:
