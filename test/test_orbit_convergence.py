@@ -53,3 +53,31 @@ def test_a_circle_converged_onto_is_not_taken_for_one_that_drifts(radius):
                 assert not np.any(orbit.drift)
                 seen += 1
     assert seen > 800
+
+
+def worst_known(known_share):
+    """Largest share to which a radius is given, and the reasons for none: half turns of 40 m."""
+    reasons, worst = set(), 0.0
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        estimator = OrbitEstimator(OrbitSettings(known_share=known_share))
+        for t in np.arange(0.0, 12.0, 0.2):
+            angle = 0.4 * t
+            at = 40.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
+            velocity = 16.0 * np.array([-np.sin(angle), np.cos(angle), 0.0])
+            # Not stated.
+            noisy = at + rng.normal(0.0, 5.0, 3), velocity + rng.normal(0.0, 1.0, 3)
+            fix = estimator.add(t, *noisy)
+            reasons.add(fix.reason)
+            if fix.orbit is not None:
+                worst = max(worst, np.sqrt(fix.orbit.covariance[3, 3]) / fix.orbit.radius)
+    return worst, reasons
+
+
+def test_a_circle_hardly_known_is_no_orbit_and_the_reason_says_how_well_it_is_known():
+    worst, reasons = worst_known(0.08)
+    assert 0.0 < worst < 0.08
+    assert any(r.endswith("m, not to 8 %") and "m is known to +-" in r for r in reasons)
+    worst, reasons = worst_known(np.inf)
+    assert worst > 0.1
+    assert not any("is known to" in r for r in reasons)

@@ -8,7 +8,7 @@ is tried. Once enough of a turn is flown to tell, the circle may also drift.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import hypot, inf, isfinite, nan, pi
+from math import hypot, inf, isfinite, nan, pi, sqrt
 
 import numpy as np
 
@@ -273,6 +273,11 @@ class OrbitEstimator:
             fit, samples, position_sigma, velocity_sigma, operators, abs(rate), excess, s
         )
         of_circle += lag_covariance(fit, samples, angle, operators, rate, widened, s)
+        if not of_circle[2, 2] < (s.known_share * fit.radius) ** 2:
+            return Objection(
+                f"the radius of {fit.radius:.0f} m is known to +-{sqrt(of_circle[2, 2]):.1f} m, "
+                f"not to {100.0 * s.known_share:.0f} %"
+            )
         covariance = np.zeros((9, 9))
         covariance[_DRIFTING if drifts else _STANDING] = of_circle
         covariance[4] *= sense

@@ -46,6 +46,11 @@ class OrbitSettings:
     speed_share : float
         Largest variation (rms) of the speed relative to a drifting centre, over its mean: such a
         circle is flown in the air that it drifts with.
+    known_share : float
+        Standard deviation of the radius, over it, from which a circle is not known well enough to
+        predict from: its 95 % interval is then 30 % either way. Half a turn of 40 m in noise of
+        5 m is just known so well. The rate has no such limit: in wind half a turn does not tell
+        the mean one.
     minimum_radius, maximum_radius : float
         [m]
     minimum_speed : float
@@ -70,6 +75,7 @@ class OrbitSettings:
     drift_arc: float = 0.7 * TURN
     drift_share: float = 0.02
     speed_share: float = 0.1
+    known_share: float = 0.15
     minimum_radius: float = 5.0
     maximum_radius: float = 20e3
     minimum_speed: float = 3.0
