@@ -9,6 +9,7 @@ from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.nodes.journal import LEFT, LINK_LINES, OVER, Journal
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.prediction.wind_reasons import STILL_SOLVED
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
 
@@ -67,6 +68,21 @@ def test_an_orbit_lost_for_a_moment_is_not_told(flight, journal, log):
         lost = start < prediction.time < start + LEFT - 0.1
         journal.add(replace(prediction, warnings=(), orbit=None if lost else prediction.orbit))
     assert log.beginnings() == ["INFO orbit"]
+
+
+def test_that_the_motion_in_the_wind_is_not_found_is_told_once(flight, journal, log):
+    orbit = [p for p in flight if p.valid][:60]
+    none = "no motion found in this wind, 0.{} of the speed"
+    for number, prediction in enumerate(orbit):
+        solving = number < 5 or number % 20 == 0  # tried again now and then
+        because = STILL_SOLVED if solving else none.format(40 + number)
+        warning = Warning(WarningCode.WIND_UNMODELLED, Level.WARN, f"windy; {because}")
+        mass = replace(prediction.end_mass, unmodelled_because=because)
+        journal.add(replace(prediction, end_mass=mass, warnings=(warning,)))
+    assert log.lines[1:] == [
+        f"WARN WIND_UNMODELLED: windy; {STILL_SOLVED}",
+        f"WARN WIND_UNMODELLED: windy; {none.format(45)}",
+    ]
 
 
 def test_a_warning_is_told_once_while_it_stands_and_again_after_it_was_over(

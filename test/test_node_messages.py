@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import cos, hypot, inf, isnan, nan, pi, sin
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from visualization_msgs.msg import Marker
 from ctcbs_ros.nodes import messages
 from ctcbs_ros.nodes.diagnostics import Monitor
 from ctcbs_ros.nodes.markers import cable_markers, deletions
+from ctcbs_ros.nodes.outputs import Outputs
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import (
@@ -212,6 +214,34 @@ def test_markers_draw_the_cable_and_circles_of_each_solution():
             assert point.z == height
 
 
+class Published:
+    """In place of a node: what its publishers publish, by topic."""
+
+    def __init__(self):
+        self.messages = {}
+
+    def create_publisher(self, message_type, topic, qos):
+        kept = self.messages[topic.partition("/")[2]] = []
+        return SimpleNamespace(publish=kept.append, get_subscription_count=lambda: 1)
+
+
+def test_no_pose_fix_or_marker_without_the_motion_in_the_wind_but_the_record_and_margins():
+    published = Published()
+    outputs = Outputs(published, "map", with_cable=True, complete=False)
+    windy = with_end_mass(unmodelled_because="none found")
+    outputs.publish(windy, None, 1.0)
+    outputs.publish_record(windy)
+    where = {"end_mass/pose", "end_mass/fix", "cable"}
+    given = {topic for topic, messages in published.messages.items() if messages}
+    assert given == {"orbit_center", "stability_margin", "jump_margin", "prediction"}
+    outputs.publish(prediction(), None, 1.0)
+    assert where <= {topic for topic, messages in published.messages.items() if messages}
+    # What was shown is taken away.
+    outputs.publish(windy, None, 1.0)
+    assert {m.action for m in published.messages["cable"][-1].markers} == {Marker.DELETE}
+    assert len(published.messages["end_mass/pose"]) == 1
+
+
 def test_deletions_name_each_marker_to_take_away():
     gone = deletions({("cable", 0), ("other_solutions", 1)}, "map")
     assert [(m.ns, m.id, m.action) for m in gone] == [
@@ -327,3 +357,14 @@ def test_unknown_height_above_ground_is_said_so_that_silence_is_not_taken_for_sa
         monitor.add(with_end_mass(height_above_home=height))
         values = {v.key: v.value for v in monitor.report(None, {})[2].values}
         assert (values["ground proximity"] == "judged") is judged
+
+
+def test_without_the_motion_in_the_wind_the_ground_is_said_not_to_be_judged():
+    monitor = Monitor()
+    monitor.add(with_end_mass(unmodelled_because="none found"))
+    report = monitor.report(None, {})[2]
+    figures = {v.key: v.value for v in report.values}
+    assert figures["ground proximity"] == "not judged: the wind is not modelled"
+    assert figures["end_mass_lowest_above_home_m"] == "none"
+    assert figures["settled"] == figures["pose_holds"] == "false"
+    assert report.message == "valid for still air only, no pose"

@@ -14,6 +14,7 @@ from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Level, WarningCode
 from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.prediction.record import prediction_record
 from ctcbs_ros.prediction.tally import Tally
 from ctcbs_ros.prediction.warnings import (
     WIND_NOT_KNOWN,
@@ -22,6 +23,7 @@ from ctcbs_ros.prediction.warnings import (
     tracking_warnings,
     wind_warnings,
 )
+from ctcbs_ros.prediction.wind_reasons import STILL_SOLVED, kind_of_reason
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
 DRONE = load_configuration("small_drone")
@@ -295,7 +297,46 @@ def test_wind_without_a_periodic_motion_is_told_with_the_reason():
     assert "by the flight" in text
     assert "a cable that stretches" in text
     assert "do not use it" in text
+    assert "ground" in text
     assert last.end_mass.in_wind is None
+
+
+def test_in_a_wind_without_the_motion_in_it_nothing_holds_and_the_ground_is_not_judged():
+    # No wind is told without velocities; in still air the end mass is far below the limit.
+    cable = replace(DRONE.cable, youngs_modulus=inf)
+    low = replace(DRONE, cable=cable, limits=limited(minimum_height=1000.0))
+    flight, told = orbiting(turns=1.5), WarningCode.GROUND_PROXIMITY
+    samples = samples_of(flight, velocities=False)
+    windy = [replace(sample, wind=(0.0, 8.0, 0.0), wind_accuracy=0.5) for sample in samples]
+    for flown, holds in ((samples, True), (windy, False)):
+        last = [p for p in predict(flown, low) if p.valid][-30]
+        assert WarningCode.WIND_UNMODELLED in codes(last)
+        assert last.pose_holds is holds
+        assert (told in codes(last)) is holds
+        record = prediction_record(last)
+        assert record["pose_holds"] is holds
+        assert (record["end_mass_lowest_above_home_m"] is not None) is holds
+        assert (record["wind_unmodelled_because"] is None) is holds
+        assert replace(last.end_mass, time_on_orbit=1e9).settled is holds
+    tally = Tally()
+    for prediction in predict(windy, low):
+        tally.add(prediction)
+    assert tally.as_dict()["wind_unmodelled_because"] == {
+        last.end_mass.unmodelled_because: tally.predictions
+    }
+    assert "youngs_modulus" in last.end_mass.unmodelled_because
+
+
+def test_a_wind_in_which_no_motion_is_found_is_told_by_its_share_of_the_speed():
+    samples = samples_of(orbiting(turns=2.0), velocities=False)
+    windy = [replace(sample, wind=(0.0, 10.0, 0.0), wind_accuracy=0.5) for sample in samples]
+    found = [p for p in predict(windy) if p.valid]
+    assert not found[0].pose_holds
+    assert found[0].end_mass.unmodelled_because == STILL_SOLVED
+    because = found[-30].end_mass.unmodelled_because
+    assert because.startswith("no motion found in this wind, 0.50 of the mean speed")
+    assert "Newton" not in because
+    assert kind_of_reason(because) == kind_of_reason(because.replace("0.50", "0.61"))
 
 
 def test_what_looks_like_still_air_is_not_known_to_be_still_without_an_airspeed():

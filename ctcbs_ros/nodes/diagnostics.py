@@ -100,8 +100,8 @@ def prediction_status(prediction: Prediction) -> DiagnosticStatus:
     if prediction.end_mass is not None:
         figures = end_mass_fields(prediction.end_mass)
         # Silence must not be taken for safety.
-        known = isfinite(prediction.end_mass.height_above_home)
-        figures["ground proximity"] = "judged" if known else "not judged, no height above ground"
+        figures["pose_holds"] = prediction.pose_holds
+        figures["ground proximity"] = _ground(prediction.end_mass)
         figures |= _twin(prediction)
         settling = _settling(prediction.end_mass)
         status = _status("prediction", warnings, settling, figures)
@@ -123,7 +123,17 @@ def _twin(prediction: Prediction) -> Record:
     return simulated_fields(prediction.simulated, prediction.end_mass) | losses
 
 
+def _ground(end_mass: EndMass) -> str:
+    if not end_mass.holds:
+        return "not judged: the wind is not modelled"
+    if not isfinite(end_mass.height_above_home):
+        return "not judged, no height above ground"
+    return "judged"
+
+
 def _settling(end_mass: EndMass) -> str:
+    if not end_mass.holds:
+        return "valid for still air only, no pose"
     if end_mass.settled:
         return "valid, settled"
     flown = f"{end_mass.time_on_orbit:.0f} s on this orbit"

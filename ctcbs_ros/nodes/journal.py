@@ -11,6 +11,7 @@ from collections.abc import Callable
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import Prediction
 from ctcbs_ros.prediction.record import sense_name
+from ctcbs_ros.prediction.wind_reasons import STILL_SOLVED, kind_of_reason
 from ctcbs_ros.replay.text import SENSES
 
 # Time off any orbit until it counts as left, and without a warning until that is over [s].
@@ -42,6 +43,8 @@ class Journal:
         self._silent_since: float | None = None  # by the clock above
         # Vehicle clock of the newest orbit; None where there is none, or it was told to be left.
         self._orbit_at: float | None = None
+        # Kind of the reason why the wind is not modelled; None where that does not stand.
+        self._because: str | None = None
         # Vehicle clock of each warning that stands: its first time and its newest.
         self._standing: dict[WarningCode, tuple[float, float]] = {}
         self._flight: int | None = None
@@ -63,7 +66,23 @@ class Journal:
         for warning in prediction.warnings:
             if warning.code not in known:
                 self._tell(warning, prediction.time)
+        self._tell_reason(prediction)
         self._end_warnings(prediction.time)
+
+    def _tell_reason(self, prediction: Prediction) -> None:
+        """Tell that the search for the motion in the wind has come to nothing, or otherwise."""
+        if WarningCode.WIND_UNMODELLED not in self._standing:
+            self._because = None
+            return
+        because = "" if prediction.end_mass is None else prediction.end_mass.unmodelled_because
+        kind = kind_of_reason(because)
+        if self._because is None:  # told with the warning
+            self._because = kind
+        elif because not in ("", STILL_SOLVED) and kind != self._because:
+            self._because = kind
+            for warning in prediction.warnings:
+                if warning.code is WarningCode.WIND_UNMODELLED:
+                    self._logger.warning(f"{warning.code.value}: {warning.text}")
 
     def _begin_flight(self, prediction: Prediction) -> None:
         if self._flight not in (None, prediction.flight):

@@ -132,8 +132,8 @@ class Outputs:
         return all(output.is_received() for output in self._all)
 
     def publish(self, prediction: Prediction, datum: Datum | None, lifetime: float) -> None:
-        """Publish a prediction: the end mass only where it is valid, the simulated one where that
-        is, the centre with an orbit.
+        """Publish a prediction: the end mass only where its pose holds, the margins where it is
+        valid, the simulated one where that is, the centre with an orbit.
 
         Parameters
         ----------
@@ -147,8 +147,10 @@ class Outputs:
             self._publish_datum(prediction, datum)
             if prediction.orbit is not None:
                 self._center.publish(messages.orbit_center(prediction, self._frame_id))
-            if prediction.valid:
+            if prediction.pose_holds:
                 self._publish_end_mass(prediction)
+            if prediction.valid:
+                self._publish_margins(prediction)
             if prediction.simulated is not None and prediction.simulated.valid:
                 self._simulated.publish(messages.simulated_pose(prediction, self._frame_id))
             self._show(self._markers(prediction, lifetime))
@@ -187,6 +189,8 @@ class Outputs:
         fix = messages.end_mass_fix(prediction, self._frame_id)
         if fix is not None:
             self._fix.publish(fix)
+
+    def _publish_margins(self, prediction: Prediction) -> None:
         end_mass = prediction.end_mass
         self._margin.publish(Float64(data=end_mass.state.margin_per_s))
         self._jump_margin.publish(Float64(data=end_mass.jump_margin))
@@ -197,7 +201,7 @@ class Outputs:
             self._datum_fix.publish(messages.datum_fix(datum, prediction, self._frame_id))
 
     def _markers(self, prediction: Prediction, lifetime: float) -> list[Marker]:
-        if not (prediction.valid and self._with_cable and self._cable.awaited):
+        if not (prediction.pose_holds and self._with_cable and self._cable.awaited):
             return []
         seconds = max(LEAST_LIFETIME, ceil(lifetime))
         return cable_markers(prediction, self._frame_id, seconds)

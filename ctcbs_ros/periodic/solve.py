@@ -5,7 +5,7 @@ With more functions and times until the end mass moves no more, or from a motion
 
 from collections.abc import Generator
 from dataclasses import dataclass, fields
-from math import atan2, cos, hypot, inf, isfinite, sin
+from math import atan2, cos, hypot, inf, isfinite, nan, sin
 
 import numpy as np
 
@@ -74,10 +74,16 @@ class Effort:
 
 @dataclass(frozen=True)
 class Found:
-    """A periodic motion, or None with the reason."""
+    """A periodic motion, or None with the reason.
+
+    Where the search ended for that: `wind_reached`, up to which wind over the tow speed it was
+    found, or `uncertain`, by how much the end mass may be off [a]; else nan.
+    """
 
     motion: PeriodicMotion | None
     reason: str
+    wind_reached: float = nan
+    uncertain: float = nan
 
 
 def periodic_motion(
@@ -150,7 +156,7 @@ def coarse_search(
         return Found(None, "Newton's method does not find the steady state in still air again")
     wind, reached = yield from _continued(p, path, resampled(still, count))
     if wind < path.wind:
-        return Found(None, _limit(p, wind, reached))
+        return Found(None, _limit(p, wind, reached), wind)
     left = _tail(reached.values)[0] / _TAIL
     return _judged(
         PeriodicMotion(p, path, reached.values, left, reached.least_tension, reached.factors),
@@ -240,6 +246,7 @@ def _judged(motion: PeriodicMotion, converged: float) -> Found:
         return Found(
             None, "the end mass still moves with more functions and times than are allowed"
             + (known if isfinite(motion.residual) else ""),
+            uncertain=motion.residual,
         )  # fmt: skip
     if not motion.least_tension > 0.0:
         return Found(None, "the cable goes slack in this wind")

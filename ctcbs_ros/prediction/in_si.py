@@ -34,6 +34,7 @@ def end_mass_in_si(
     geodetic: Geodetic,
     ground_up: float,
     in_wind: MotionInWind | None = None,
+    unmodelled_because: str = "",
 ) -> EndMass:
     """Everything that is known of the end mass on a tracked branch.
 
@@ -96,6 +97,7 @@ def end_mass_in_si(
         jump_in_radius=in_radius,
         method=tracked.method,
         in_wind=in_wind,
+        unmodelled_because=unmodelled_because,
     )
 
 

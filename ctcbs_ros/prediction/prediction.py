@@ -144,6 +144,9 @@ class EndMass:
         The motion in the wind believed, of which position, yaw, covariance and cable then are;
         None where that is not known or has no periodic motion. `state`, the others and the jumps
         are those of still air all the same.
+    unmodelled_because : str
+        Why the motion is not known in the wind that there is; then everything here is that of
+        still air and does not hold. Empty where it holds, or nobody knows the wind.
     """
 
     state: EndMassState
@@ -165,14 +168,20 @@ class EndMass:
     jump_in_radius: Jump | None
     method: str
     in_wind: MotionInWind | None = None
+    unmodelled_because: str = ""
+
+    @property
+    def holds(self) -> bool:
+        """Whether the position is to be used: not that of still air in a wind."""
+        return not self.unmodelled_because
 
     @property
     def settled(self) -> bool:
-        """Whether this orbit has been flown for the settling time.
+        """Whether this orbit has been flown for the settling time; never where nothing `holds`.
 
         Until then the end mass is on its way to where it is predicted.
         """
-        return self.time_on_orbit >= self.settling_time
+        return self.holds and self.time_on_orbit >= self.settling_time
 
     @property
     def excursion(self) -> float:
@@ -183,7 +192,9 @@ class EndMass:
 
     @property
     def lowest_height_above_home(self) -> float:
-        """As `height_above_home`, where the end mass is lowest in a turn."""
+        """As `height_above_home`, where it is lowest in a turn; nan where nothing `holds`."""
+        if not self.holds:
+            return float("nan")
         if self.in_wind is None:
             return self.height_above_home
         return self.height_above_home + float(self.in_wind.path[:, 2].min() - self.position[2])
@@ -256,5 +267,10 @@ class Prediction:
 
     @property
     def valid(self) -> bool:
-        """Whether there is an end-mass position to be believed."""
+        """Whether the orbit is known and a steady state on it."""
         return self.end_mass is not None
+
+    @property
+    def pose_holds(self) -> bool:
+        """Whether there is an end-mass position to be used: valid, and not without its wind."""
+        return self.end_mass is not None and self.end_mass.holds

@@ -32,6 +32,7 @@ from ctcbs_ros.prediction.prediction import (
 from ctcbs_ros.prediction.warnings import (
     end_mass_warnings,
     envelope_warnings,
+    is_windy,
     no_solution,
     not_orbiting,
     skip_warnings,
@@ -284,8 +285,12 @@ class Predictor:
         in_wind = self._in_wind(wind, orbit, density, tracked)
         if in_wind is None:
             warnings += wind_warnings(wind, orbit, self._follower.reason)
+        windy = in_wind is None and is_windy(wind, orbit)
+        because = self._follower.reason if windy else ""
         try:
-            end_mass = self._described(orbit, time_on_orbit, local, point, tracked, in_wind)
+            end_mass = self._described(
+                orbit, time_on_orbit, local, point, tracked, in_wind, because
+            )
         except ArithmeticError as error:
             warnings.append(no_solution(str(error)))
             return self._prediction(sample, orbit, local, None, density, warnings)
@@ -295,7 +300,7 @@ class Predictor:
 
     def _described(
         self, orbit: Orbit, time_on_orbit: float, local: LocalSample, point: FlightPoint,
-        tracked: Tracked, in_wind: MotionInWind | None,
+        tracked: Tracked, in_wind: MotionInWind | None, unmodelled_because: str,
     ) -> EndMass | None:
         may_end = self._table is None or self._table.may_end(point)
         outlook = self._history.outlook(tracked, may_end)
@@ -311,7 +316,7 @@ class Predictor:
         geodetic = self._geodetic(position)
         return end_mass_in_si(
             orbit, time_on_orbit, point, tracked, outlook, position, geodetic, ground_up,
-            in_wind,
+            in_wind, unmodelled_because,
         )
 
     def _in_wind(

@@ -54,6 +54,7 @@ def sample_fields(prediction: Prediction) -> Record:
         "flight": prediction.flight,
         "skip": prediction.skip.value if prediction.skip else None,
         "valid": prediction.valid,
+        "pose_holds": prediction.pose_holds,
     }
     if prediction.tow_point is not None:
         record |= _enu("tow_point", prediction.tow_point)
@@ -137,7 +138,7 @@ def simulated_fields(simulated: Simulated, end_mass: EndMass | None) -> Record:
     east, north, up = np.sqrt(np.diag(simulated.covariance)[:3])
     begun = simulated.state is not TwinState.WAITING
     apart = None
-    if end_mass is not None and begun:
+    if end_mass is not None and end_mass.holds and begun:
         apart = finite(np.linalg.norm(simulated.position - end_mass.position))
     settling = simulated.settling
     nowhere = np.full(3, np.nan)
@@ -205,9 +206,13 @@ def _enu(name: str, position: np.ndarray) -> Record:
 
 
 def _motion_in_wind(end_mass: EndMass) -> Record:
-    """Mean place over a turn, and how far the end mass leaves it; "wind_modelled" or still air."""
+    """Mean place over a turn, and how far the end mass leaves it; "wind_modelled" or still air.
+
+    The lowest height is None where there is a wind and the motion in it is not known.
+    """
     return {
         "wind_modelled": end_mass.in_wind is not None,
+        "wind_unmodelled_because": end_mass.unmodelled_because or None,
         **_enu("end_mass_mean", end_mass.circle_center),
         "end_mass_excursion_m": finite(end_mass.excursion),
         "end_mass_lowest_above_home_m": finite(end_mass.lowest_height_above_home),

@@ -11,6 +11,7 @@ from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump
 from ctcbs_ros.prediction.wind_choice import described
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
+GROUND_NOT_JUDGED = "nor is its height above the ground judged"
 WIND_NOT_KNOWN = "wind is not known; the position holds in still air only"
 # Speed of the air past the circle, over that along it, from which the prediction for still air is
 # not to be used, and the wind's standard deviation from which one cannot tell.
@@ -82,6 +83,14 @@ def envelope_warnings(radius: float, speed: float, envelope: Envelope) -> list[W
     return found
 
 
+def is_windy(wind: Wind | None, orbit: Orbit) -> bool:
+    """Whether the air is known to move past the circle, or may well do by what is known of it."""
+    if wind is None:
+        return False
+    past = hypot(*(wind.velocity - orbit.drift))
+    return past > _WINDY * orbit.speed or wind.sigma > _UNSURE * orbit.speed
+
+
 def wind_warnings(wind: Wind | None, orbit: Orbit, reason: str = "") -> list[Warning]:
     """WIND_UNMODELLED where the air moves past the circle, or nobody knows whether it does.
 
@@ -91,14 +100,14 @@ def wind_warnings(wind: Wind | None, orbit: Orbit, reason: str = "") -> list[War
     """
     if wind is None:
         return [_warn(WarningCode.WIND_UNMODELLED, WIND_NOT_KNOWN)]
-    past = hypot(*(wind.velocity - orbit.drift))
-    if past > _WINDY * orbit.speed or wind.sigma > _UNSURE * orbit.speed:
+    if is_windy(wind, orbit):
+        past = hypot(*(wind.velocity - orbit.drift))
         by = f"by {_SOURCES[wind.source]}" + (f": {wind.note}" if wind.note else "")
         circle = f", {past:.1f} m/s past a drifting circle" if orbit.drift.any() else ""
         text = (
             f"wind {described(wind)}, +- {wind.sigma:.1f} m/s ({by}){circle}; "
             + (f"{reason}; " if reason else "")
-            + "the position holds in still air only: do not use it"
+            + f"the position holds in still air only: do not use it, {GROUND_NOT_JUDGED}"
         )
         return [_warn(WarningCode.WIND_UNMODELLED, text)]
     return []

@@ -21,6 +21,7 @@ from ctcbs_ros.prediction.wind_motion import (
     linear_motion_search,
     motion_in_wind,
 )
+from ctcbs_ros.prediction.wind_reasons import STILL_SOLVED
 from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.steady_state import SteadyState
 
@@ -108,7 +109,7 @@ class WindFollower:
             self._search_on(orbit.time)
         if self._solved is None or self._solved.flight.distance(flight) > _USED:
             if self._search is not None:
-                self.reason = "the motion in this wind is still being solved"
+                self.reason = STILL_SOLVED
             return None
         try:
             return motion_in_wind(self._solved, orbit, flight, velocity, covariance)

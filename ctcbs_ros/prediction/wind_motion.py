@@ -28,6 +28,7 @@ from ctcbs_ros.periodic.solve import (
 from ctcbs_ros.periodic.tow_path import GROUND_SPEED, TowPath
 from ctcbs_ros.prediction.pose import CABLE_POINTS
 from ctcbs_ros.prediction.prediction import MotionInWind
+from ctcbs_ros.prediction.wind_reasons import ALONE, NO_STRETCH, not_found
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import SteadyState
 
@@ -154,6 +155,8 @@ def linear_motion_search(
     before : PeriodicMotion or None
         Of the same cable nearby, to begin with.
     """
+    if not state.parameters.elastic:
+        return NO_STRETCH
     try:
         path = flight.path
         if before is not None:
@@ -165,11 +168,11 @@ def linear_motion_search(
                     return solved
         found = yield from coarse_search(state, path, _COARSE)
         if found.motion is None:
-            return found.reason
+            return not_found(found, flight.wind, flight.radius * flight.rate)
         solved = yield from _with_derivatives(found.motion, flight, scaled)
     except InputError as error:
         return str(error)
-    return solved or "beside this wind, radius and speed there is no motion"
+    return solved or ALONE
 
 
 def finer_motion_search(
@@ -191,7 +194,7 @@ def finer_motion_search(
         solved = yield from _with_derivatives(found.motion, flight, scaled)
     except InputError as error:
         return str(error)
-    return solved or "beside this wind, radius and speed there is no motion"
+    return solved or ALONE
 
 
 def _with_derivatives(motion: PeriodicMotion, flight: Flight, scaled: Scaled):

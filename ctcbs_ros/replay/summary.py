@@ -101,8 +101,10 @@ class Summary:
         -------
         dict
             samples, predictions, skipped, warnings, wind_seen (of the samples warned of wind,
-            those where there is some), start: what is second 0, the first believed sample, by the
-            vehicle's clock and by its stamp (None where none was believed),
+            those where there is some), wind_unmodelled_because (of the predictions in a wind
+            whose motion is not known, how many for each reason), start: what is second 0, the
+            first believed sample, by the vehicle's clock and by its stamp (None where none was
+            believed),
             autopilot_wind_rejected: samples at which the flight showed another wind than the
             autopilot, and the newest of the autopilot's in words, and orbits: for each its start
             and end in seconds, turns, radius, speed, sense, centre, and the

@@ -97,6 +97,11 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
     seen, all_told = summary["wind_seen"], summary["warnings"].get(wind.value, 0)
     texts[wind.value] = f"{_wind(seen, all_told - seen)}; {WARNINGS[wind]}"
     yield from _count_lines("Warnings (samples with each)", summary["warnings"], texts)
+    if summary["wind_unmodelled_because"]:
+        yield ""
+        yield "Wind without the motion in it, so no pose and no ground judged (predictions):"
+        for because, count in summary["wind_unmodelled_because"].items():
+            yield f"{count:8}  {because}"
     yield from _count_lines(
         "Skipped samples",
         summary["skipped"],

@@ -281,7 +281,7 @@ class _Receiver:
         """Take the records, in their order, as far as their poses are there."""
         while self._records:
             record = self._records[0]
-            if record["valid"]:
+            if record["pose_holds"]:
                 poses = self._poses.get(record["stamp_ns"])
                 if not poses:
                     return

@@ -1,0 +1,29 @@
+"""Why the motion in a wind is not known, in words that a pilot can act on."""
+
+import re
+from math import isfinite
+
+from ctcbs_ros.periodic.solve import Found
+
+STILL_SOLVED = "the motion in this wind is still being solved"
+NO_STRETCH = "only of a cable that stretches is the motion in wind known: set cable.youngs_modulus"
+ALONE = "next to this wind, radius and speed there is no motion"
+_WHAT_TO_DO = "fly a wider circle or wait for less wind"
+
+
+def not_found(found: Found, wind: float, speed: float) -> str:
+    """Why a search gave no motion in a wind, past a circle flown at a mean speed [m/s]."""
+    why = found.reason
+    if isfinite(found.wind_reached):
+        why = f"one is found up to {found.wind_reached:.2f}"
+    elif isfinite(found.uncertain):
+        why = f"it is not known to better than {found.uncertain:.2f} of the tow radius"
+    return (
+        f"no motion found in this wind, {wind / speed:.2f} of the mean speed along the circle "
+        f"({speed:.1f} m/s): {why}; {_WHAT_TO_DO}"
+    )
+
+
+def kind_of_reason(reason: str) -> str:
+    """A reason without its numbers, which change with the flight."""
+    return re.sub(r"\d+(\.\d+)?(e[-+]?\d+)?", "#", reason)
