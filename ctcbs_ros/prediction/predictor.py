@@ -43,6 +43,7 @@ from ctcbs_ros.prediction.warnings import (
 )
 from ctcbs_ros.prediction.wind_choice import WindChoice, user_wind
 from ctcbs_ros.prediction.wind_follower import WindFollower
+from ctcbs_ros.prediction.wind_reasons import STILL_SOLVED
 from ctcbs_ros.scaling import FlightPoint, flight_point
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
@@ -286,7 +287,7 @@ class Predictor:
         if in_wind is None:
             warnings += wind_warnings(wind, orbit, self._follower.reason)
         windy = in_wind is None and is_windy(wind, orbit)
-        because = self._follower.reason if windy else ""
+        because = (self._follower.reason or STILL_SOLVED) if windy else ""
         try:
             end_mass = self._described(
                 orbit, time_on_orbit, local, point, tracked, in_wind, because
