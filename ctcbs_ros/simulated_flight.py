@@ -244,6 +244,11 @@ def _turning(track, u, airspeed, wind):
     return turn_rate, -np.arctan(airspeed * turn_rate / GRAVITY)
 
 
+def bank_of(radius: float, speed: float) -> float:
+    """Bank of a coordinated turn [rad] by radius [m] and speed over the ground [m/s]."""
+    return float(np.arctan(speed**2 / (radius * GRAVITY)))
+
+
 def _cross(a, b):
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 

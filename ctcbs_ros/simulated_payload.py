@@ -18,6 +18,8 @@ from ctcbs_ros.simulated_flight import SimulatedFlight
 
 # At 40 segments the radius of the design example is within 0.05 % of the tow radius.
 SEGMENTS = 40
+# Samples simulated at a time: kernels hear no Ctrl-C while they run.
+_PIECE = 64
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ def simulate_payload(
     rate: float = 5.0,
     late: float = 0.0,
     home_altitude: float = 100.0,
+    tell=lambda part: None,
 ) -> SimulatedPayload:
     """Tow the configuration's cable along a flight, from straight flight on.
 
@@ -52,6 +55,8 @@ def simulate_payload(
         Time of the first sample [s].
     home_altitude : float
         Of the flight's origin above mean sea level [m], for the density of the air.
+    tell : callable
+        Called with the part of the flight (0 to 1) that has been simulated.
 
     Raises
     ------
@@ -72,7 +77,14 @@ def simulate_payload(
     times = np.round(np.arange(late, last, 1.0 / rate), 3)
     try:
         start = trailing(line, SEGMENTS, flight.position[0], flight.velocity[0], wind)
-        motion = simulate(line, driven, replace(start, time=0.0), times)
+        state = replace(start, time=0.0)
+        positions, velocities = [], []
+        for first in range(0, len(times), _PIECE):
+            motion = simulate(line, driven, state, times[first : first + _PIECE])
+            state = motion.end
+            positions.append(motion.positions[:, 0])
+            velocities.append(motion.velocities[:, 0])
+            tell(min(1.0, (first + _PIECE) / len(times)))
     except ArithmeticError as error:
         raise InputError(f"the cable cannot be towed along this flight: {error}") from None
-    return SimulatedPayload(times, motion.positions[:, 0], motion.velocities[:, 0])
+    return SimulatedPayload(times, np.concatenate(positions), np.concatenate(velocities))

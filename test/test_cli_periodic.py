@@ -56,6 +56,20 @@ def test_it_lies_upwind_at_the_default_elasticity_and_downwind_where_it_is_stiff
     assert len(orders) >= 3
 
 
+def test_the_table_says_upwind_in_words_and_which_side(capsys):
+    mean = solved(capsys, "--wind", ".05")["mean"]
+    assert mean["downwind"] < 0.0 < mean["crosswind"]  # physics: upwind near the bounce
+    _, out, _ = run(capsys, "--wind", ".05")
+    assert f"mean: {-mean['downwind']:.5g} UPWIND (x {mean['downwind']:+.5g})" in out
+    assert f"{mean['crosswind']:.5g} to the left of the circle's centre" in out
+    assert "upwind can be right" in out
+    _, out, _ = run(capsys, "--wind", ".05", "--elasticity", "6e4")
+    assert "downwind (x +" in out
+    assert "UPWIND" not in out
+    _, out, _ = run(capsys, "--wind", "0")
+    assert "mean: 0 downwind (x +0) and 0 to the left" in out
+
+
 def test_the_path_at_constant_airspeed_is_another(capsys):
     ground, air = (
         solved(capsys, "--wind", ".05", "--path", path) for path in ("ground-speed", "airspeed")
@@ -67,7 +81,7 @@ def test_the_path_at_constant_airspeed_is_another(capsys):
 def test_the_table_names_the_offset_and_the_verdict(capsys):
     code, out, err = run(capsys, "--wind", "0.05")
     assert (code, err) == (0, "")
-    assert "downwind -0.03867" in out
+    assert "UPWIND (x -0.03867" in out
     assert "stable" in out
     assert "margin 0.030" in out
 

@@ -26,6 +26,19 @@ def run(arguments, capsys):
     return json.loads(capsys.readouterr().out)["end"]
 
 
+def test_what_is_printed_says_about_which_axis_and_in_which_axes(capsys):
+    drone = "simulate-cable --config config/small_drone.yaml --radius 60 --speed 20 --segments 5"
+    assert main(f"{drone} --orbits 1".split()) == 0
+    assert "beside the axis" not in capsys.readouterr().out
+    assert main(f"{drone} --wind 3,0 --orbits 3 --json".split()) == 0
+    x, y, z = json.loads(capsys.readouterr().out)["end"]["mean_position"]
+    assert main(f"{drone} --wind 3,0 --orbits 3".split()) == 0
+    told = capsys.readouterr().out
+    assert "m about the tow circle's axis, from" in told
+    assert f"mean     x {x:.5g}, y {y:.5g}, z {z:.5g} m" in told
+    assert f"{np.hypot(x, y):.4g} m beside the axis" in told
+
+
 def test_from_hanging_the_mass_settles_in_the_steady_state(capsys):
     end = run(f"{POINT} --start hanging --orbits 45 --damping 0.005", capsys)
     (state,) = steady_states(parameters(STRETCHED)).states

@@ -1,7 +1,9 @@
 """Planned entries: how they are flown, which state they end in, and `ctcbs entry`."""
 
 import json
+import re
 from math import atan
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -161,15 +163,51 @@ def test_deploying_in_wind_ends_about_where_the_wind_holds_the_mass(capsys):
 
 def test_what_an_entry_breaks_is_said(capsys):
     drone = "config/small_drone.yaml --radius 60 --speed 20 --segments 10 --from straight"
-    assert command(f"{drone} --height 140", capsys)["warnings"] == ["GROUND_PROXIMITY"]
+    low = command(f"{drone} --height 140", capsys)
+    assert low["warnings"] == ["GROUND_PROXIMITY"]
+    assert low["warnings_told"] == [
+        f"GROUND_PROXIMITY: end mass {low['lowest_height']:.0f} m above the ground "
+        "(limit 20 m above)"
+    ]
+    assert low["bank"] == pytest.approx(atan(20.0**2 / (60.0 * 9.80665)), rel=1e-3)
     found = command(f"{drone} --height 300", capsys)
     assert found["warnings"] == []
     assert found["lowest_height"] == pytest.approx(300.0 - 117.0, abs=20.0)
 
 
+def test_outside_the_envelope_and_above_the_tension_limit_is_said_with_figures(tmp_path, capsys):
+    text = Path("config/small_drone.yaml").read_text()
+    weak = re.sub(r"breaking_tension: [\d.]+", "breaking_tension: 10.0", text)
+    assert weak != text
+    (tmp_path / "weak.yaml").write_text(weak)
+    entry = f"entry {tmp_path}/weak.yaml --radius 60 --speed 40 --from hanging --segments 5"
+    assert main(f"{entry} --orbits 2".split()) == 0
+    told = capsys.readouterr().out
+    assert "OUTSIDE_ENVELOPE: speed 40.0 m/s is outside 12 to 28 m/s" in told
+    assert re.search(r"TENSION_LIMIT: tension [\d.]+ N is above .*the breaking tension 10 N", told)
+    assert re.search(r"UNSTABLE: (the end mass keeps|nothing has settled in the [\d.]+ s)", told)
+    assert "the circle takes a bank of 69.8 deg" in told  # atan(40^2/(60 g))
+
+
+def test_help_says_what_the_wind_is_and_has_no_doubled_signs(capsys):
+    for name, said in (
+        ("entry", "velocity of the air [m/s with CONFIG"), ("periodic", "a fraction"),
+        ("simulate", "direction that it blows from [deg"), ("simulate-cable", "towards +x"),
+    ):  # fmt: skip
+        with pytest.raises(SystemExit):
+            main([name, "--help"])
+        told = " ".join(capsys.readouterr().out.split())
+        assert said in told
+        assert "%%" not in told
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        ("config/small_drone.yaml --radius 60 --speed 200 --from hanging", "bank of 89 deg"),
+        ("config/small_drone.yaml --radius 0.06 --speed 20 --from hanging", "at most 80 deg"),
+        (f"{FLIGHT} --from radius --from-radius 20 --radius-rate 3", "radius 20 m at speed 50"),
+        (f"{FLIGHT} --from speed --from-speed 150 --acceleration 1", "speed 150 m/s: needs a"),
         (f"{FLIGHT} --from deploy --reel-rate 5", "--deployed: needed"),
         (f"{FLIGHT} --from straight --reel-rate 5", "--reel-rate: not with"),
         (f"{FLIGHT} --from speed --from-speed 50 --acceleration 1", "nothing changes"),

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from pymavlink import mavutil
 
+from ctcbs_ros import simulated_payload
 from ctcbs_ros.cli import simulate as command
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.geodesy import Datum, to_enu
 from ctcbs_ros.scaling import flight_point
-from ctcbs_ros.simulate import simulate_flight, write_tlog
+from ctcbs_ros.simulate import simulate_flight, simulate_payload, write_tlog
 from ctcbs_ros.solver.steady_state import steady_states
 from ctcbs_ros.telemetry.beacon import BeaconSample, BeaconWanted
 from ctcbs_ros.telemetry.link import Vehicle
@@ -322,7 +323,10 @@ def test_height_is_above_the_cable_unless_told_otherwise(tmp_path):
         (("--wind", "5"), "--wind 5.*FROM_DEG"),
         (("--wind", "-5,90"), "--wind -5,90.*negative"),
         (("--wind", "25,90"), "less than the airspeed"),
-        (("--wind", "5,nan"), "wind nan"),
+        (("--wind", "5,nan"), "--wind 5,nan: from nan deg"),
+        (("--wind", "5,400"), "--wind 5,400: from 400 deg.* must be 0 to 360"),
+        (("--wind", "5,-1"), "from -1 deg"),
+        (("--wind", "inf,90"), "must be finite"),
         (("--gap", "a,b"), "--gap a,b.*START,DURATION"),
         (("--gap", "-1,5"), "gap start -1"),
         (("--radius-change", "100"), "RADIUS,AFTER_TURNS"),
@@ -342,6 +346,26 @@ def test_command_refuses_what_it_cannot_do_by_name(tmp_path, arguments, said):
     with pytest.raises(InputError, match=said):
         run(*BASIC, "-o", str(tmp_path / "flight.tlog"), *arguments)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_payload_is_simulated_a_piece_at_a_time_so_that_an_interrupt_is_heard(monkeypatch):
+    configuration = load_configuration(CONFIG)
+    flight = simulate_flight(80.0, 20.0, 1.0, height=250.0)
+    parts = []
+    pieces = simulate_payload(configuration, flight, tell=parts.append)
+    assert len(parts) == -(-len(pieces.time) // 64)
+    assert parts[-1] == 1.0
+
+    def interrupt(part):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulate_payload(configuration, flight, tell=interrupt)
+    monkeypatch.setattr(simulated_payload, "_PIECE", len(pieces.time))
+    whole = simulate_payload(configuration, flight)
+    assert np.array_equal(whole.time, pieces.time)
+    np.testing.assert_allclose(pieces.position, whole.position, atol=0.01)
+    np.testing.assert_allclose(pieces.velocity, whole.velocity, atol=0.02)
 
 
 def test_a_beacon_leaves_the_aircrafts_messages_as_they_are_and_tells_the_truth(tmp_path):

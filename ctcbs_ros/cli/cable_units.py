@@ -8,6 +8,10 @@ from ctcbs_ros.cli.steady import flight_from, parameters_from, refuse_flight
 from ctcbs_ros.errors import InputError
 
 _DEFAULT_ELASTICITY = 600.0
+# Help of --elasticity where a cable that does not stretch is simulated as one that hardly does.
+GIVEN_ELASTICITY = (
+    f"gamma; default the vibration's, {_DEFAULT_ELASTICITY:g} unless given, as for inf"
+)
 
 
 def units_and_parameters(args):

@@ -2,11 +2,11 @@
 
 import sys
 from dataclasses import asdict, replace
-from math import degrees, inf, isfinite, radians
+from math import atan, degrees, inf, isfinite, radians
 
 import numpy as np
 
-from ctcbs_ros.cli.cable_units import units_and_parameters, vector
+from ctcbs_ros.cli.cable_units import GIVEN_ELASTICITY, units_and_parameters, vector
 from ctcbs_ros.cli.numbers import number
 from ctcbs_ros.cli.output import finite_or_null, print_json
 from ctcbs_ros.cli.steady import add_nondimensional
@@ -31,7 +31,7 @@ def add_parser(subparsers) -> None:
         help="a planned entry simulated: which state is reached, and when",
         description="Simulate an entry into a circle until the end mass is settled: from straight "
         "flight, paying out on the circle, or from another speed or radius. Says which state is "
-        "reached and when it is within 5 %% of the tow radius of it for good, greatest tension "
+        "reached and when it is within 5 % of the tow radius of it for good, greatest tension "
         "and excursion and lowest height on the way, or that the mass keeps oscillating. SI with "
         "CONFIG; else tow radii, tow speeds and 1/Omega.",
     )
@@ -43,7 +43,7 @@ def add_parser(subparsers) -> None:
         ("altitude", "M", "height for the standard atmosphere [m], default 0"),
     ):  # fmt: skip
         group.add_argument(f"--{name}", type=float, metavar=unit, help=meaning)
-    add_nondimensional(parser)
+    add_nondimensional(parser, GIVEN_ELASTICITY)
     add = parser.add_argument_group("the way in").add_argument
     add("--from", dest="start", choices=tuple(_OPTIONS), required=True,
         help="straight flight; deploy, on the circle; another speed or radius; or hanging "
@@ -58,7 +58,10 @@ def add_parser(subparsers) -> None:
         ("radius-rate", "R", "radius: how fast it changes"),
     ):
         add(f"--{name}", type=float, metavar=unit, help=meaning)
-    add("--wind", metavar="X,Y[,Z]", help="velocity of the air; the circle is over the ground")
+    add("--wind", metavar="X,Y[,Z]",
+        help="velocity of the air [m/s with CONFIG, else over the tow speed]: 3,0 moves towards "
+        "+x, where the tow point begins its anticlockwise circle over the ground; not a direction "
+        "that it blows from, as simulate has")  # fmt: skip
     add("--height", type=float, metavar="M", help="of the tow plane above the ground")
     add("--orbits", type=number(float, 1, 10000), default=100.0, metavar="N",
         help="flown at most, default 100")  # fmt: skip
@@ -73,6 +76,8 @@ def run(args) -> int:
     from ctcbs_ros.dynamics.entry import enter
 
     units, parameters = units_and_parameters(args)
+    if args.config is not None:
+        _refuse_bank(args)
     wind = _wind(args, units)
     if args.height is not None and not isfinite(args.height):
         raise InputError(f"--height: {args.height:g} is not allowed, it must be finite")
@@ -85,7 +90,10 @@ def run(args) -> int:
         print(f"ctcbs: error: {error}", file=sys.stderr)
         return 1
     result = _in_units(entry, units, args.height)
-    result["warnings"] = _warnings(args, result)
+    result["bank"] = atan(parameters.omega**2)
+    told = _warnings(args, result, units)
+    result["warnings"] = list(dict.fromkeys(warning.code.value for warning in told))
+    result["warnings_told"] = [f"{warning.code.value}: {warning.text}" for warning in told]
     if args.json:
         print_json({"parameters": asdict(parameters), "units": units["names"],
                     "from": args.start, **finite_or_null(result)})  # fmt: skip
@@ -131,6 +139,23 @@ def _manoeuvre(args, units, parameters):
     return ways.hanging_below(parameters)
 
 
+def _refuse_bank(args):
+    """Refuse circles steeper than an aircraft flies, those that the way in begins with as well."""
+    from ctcbs_ros.simulated_flight import LARGEST_BANK, bank_of
+
+    for radius, speed in (
+        (args.radius, args.speed),
+        (args.from_radius or args.radius, args.speed),
+        (args.radius, args.from_speed or args.speed),
+    ):
+        bank = bank_of(radius, speed)
+        if bank > LARGEST_BANK:
+            raise InputError(
+                f"radius {radius:g} m at speed {speed:g} m/s: needs a bank of "
+                f"{degrees(bank):.0f} deg; at most {degrees(LARGEST_BANK):.0f} deg are flown"
+            )
+
+
 def _refuse_same(flag, first, last):
     if abs(first - last) <= 1e-9 * last:
         raise InputError(f"{flag}: it is that of the circle already, nothing changes")
@@ -174,23 +199,34 @@ def _in_units(entry, units, height):
     }
 
 
-def _warnings(args, result) -> list[str]:
-    """What the entry breaks, by the codes of the predictor."""
-    from ctcbs_ros.prediction.codes import WarningCode as Code
+def _warnings(args, result, units):
+    """What the entry breaks, as the predictor says it."""
+    from ctcbs_ros.configuration import load_configuration
+    from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
+    from ctcbs_ros.prediction.warnings import (
+        envelope_warnings,
+        ground_warnings,
+        tension_warnings,
+    )
 
     found = []
-    if result["outcome"] in ("oscillating", "undecided"):
-        found.append(Code.UNSTABLE.value)
+    flown = f"{result['simulated_time']:.5g} {units['names']['time']}"
+    why = {
+        "oscillating": "the end mass keeps oscillating",
+        "undecided": f"nothing has settled in the {flown} simulated",
+    }.get(result["outcome"])
+    if why is not None:
+        found.append(Warning(WarningCode.UNSTABLE, Level.ERROR, why))
     if args.config is None:
         return found
-    from ctcbs_ros.configuration import load_configuration
-
     configuration = load_configuration(args.config)
-    limits, breaking = configuration.limits, configuration.cable.breaking_tension
-    if result["greatest_tension"] > limits.tension_fraction * breaking:
-        found.append(Code.TENSION_LIMIT.value)
-    if result["above_ground"] and result["lowest_height"] < limits.minimum_height:
-        found.append(Code.GROUND_PROXIMITY.value)
+    limits = configuration.limits
+    found += envelope_warnings(args.radius, args.speed, configuration.envelope)
+    found += tension_warnings(result["greatest_tension"], configuration.cable, limits)
+    if result["above_ground"]:
+        # --height is above the ground there, wherever the file has it.
+        limits = replace(limits, ground_level_amsl=0.0)
+        found += ground_warnings(result["lowest_height"], limits)
     return found
 
 
@@ -214,6 +250,7 @@ def _print(result, units) -> None:
     if isfinite(settled):
         print(f"  from {settled:.4g} {time} on within 5 % of the tow radius of it; the manoeuvre "
               f"takes {result['manoeuvre_time']:.4g} {time}")
+    print(f"  the circle takes a bank of {degrees(result['bank']):.3g} deg")
     print(f"  greatest tension {result['greatest_tension']:.5g} {force}, greatest distance from "
           f"the axis on the circle {result['greatest_excursion']:.5g} {length}")
     above = "above the ground" if result["above_ground"] else "against the tow plane"
@@ -224,5 +261,5 @@ def _print(result, units) -> None:
             kind = "stable, but missed" if other["stable"] else "unstable"
             print(f"  not reached: radius {other['end_mass_radius']:.5g}, depth "
                   f"{other['depth']:.5g} {length}, {kind}")
-    for code in result["warnings"]:
-        print(f"  {code}")
+    for told in result["warnings_told"]:
+        print(f"  {told}")

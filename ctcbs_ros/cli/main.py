@@ -49,9 +49,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except InputError as error:
         print(f"ctcbs: error: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         signals.ignore()  # while the exception lives: afterwards it would seem lost, see `end_by`
-        print("ctcbs: interrupted", file=sys.stderr)
+        left = f", {error}" if error.args else ""  # what does not come of it
+        print(f"ctcbs: interrupted{left}", file=sys.stderr)
         return 128 + signal.SIGINT
     except Terminated:
         signals.ignore()

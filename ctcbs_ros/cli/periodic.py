@@ -25,11 +25,13 @@ def add_parser(subparsers) -> None:
         "the ground in a steady wind, continued from the steady state in still air, and its "
         "stability. Ground frame about the circle's centre, lengths in tow radii: the air moves "
         "towards +x, the orbit is anticlockwise, z is up. A circle that drifts with the air is in "
-        f"still air: `ctcbs steady`. --elasticity is {_ELASTICITY:g} here unless given.",
+        "still air: `ctcbs steady`.",
     )
-    add_nondimensional(parser)
+    add_nondimensional(parser, f"gamma, finite; default {_ELASTICITY:g}")
     parser.add_argument(
-        "--wind", type=float, metavar="W", help="speed of the air over that of the tow point"
+        "--wind", type=float, metavar="W",
+        help="a fraction, 0.1 say: speed of the air, moving towards +x, over that of the tow "
+        "point (see --path); no direction, and no m/s",
     )
     parser.add_argument(
         "--path", default="ground-speed",
@@ -132,16 +134,26 @@ def _print_table(result: dict, reason: str) -> None:
         print(f"no periodic motion: {reason}")
         return
     mean = result["mean"]
+    # Rounding must not choose a side in still air.
+    mean = {name: round(value, 9) + 0.0 for name, value in mean.items()}
+    along = "downwind" if mean["downwind"] >= 0.0 else "UPWIND"
+    side = "left" if mean["crosswind"] >= 0.0 else "right"
     print(
-        f"mean: downwind {mean['downwind']:.5g}, crosswind {mean['crosswind']:.5g}, depth "
-        f"{mean['depth']:.5g} tow radii"
+        f"mean: {abs(mean['downwind']):.5g} {along} (x {mean['downwind']:+.5g}) and "
+        f"{abs(mean['crosswind']):.5g} to the {side} of the circle's centre, looking downwind "
+        f"(y {mean['crosswind']:+.5g}), depth {mean['depth']:.5g} tow radii"
     )
+    if mean["downwind"] < 0.0:
+        print(
+            "  upwind can be right: in wind the drag shakes the cable, which stretches, once an "
+            "orbit; near the rate of its own bounce that turns the offset round"
+        )
     print("order          x          y          z   half of peak to peak, in tow radii")
     for row in result["harmonics"]:
         if max(row["x"], row["y"], row["z"]) >= 1e-6:
             print(f"{row['order']:5d} {row['x']:10.6f} {row['y']:10.6f} {row['z']:10.6f}")
     print(
         f"margin {-result['growth_rate']:.5g} per radian of orbit, "
-        f"{'stable' if result['stable'] else 'UNSTABLE'}; the end mass is certain to "
-        f"{result['residual']:.1g} tow radii"
+        f"{'stable' if result['stable'] else 'UNSTABLE'}; a finer solution would move the end "
+        f"mass by about {result['residual']:.1g} tow radii"
     )

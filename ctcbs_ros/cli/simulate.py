@@ -2,7 +2,7 @@
 
 import re
 import sys
-from math import cos, radians, sin
+from math import cos, inf, radians, sin
 
 from ctcbs_ros.errors import InputError
 
@@ -30,7 +30,11 @@ def add_parser(subparsers) -> None:
     add("--center", default=CENTER, metavar="LAT,LON", help=f"[deg], default {CENTER}")
     add("--height", type=float, metavar="M", help="above home [m], default cable length + 100")
     add("--rate", type=float, default=5.0, metavar="HZ", help="positions a second, default 5")
-    add("--wind", metavar="M/S,FROM_DEG", help="speed and the direction it blows from")
+    add(
+        "--wind", metavar="M/S,FROM_DEG",
+        help="speed [m/s] and the direction that it blows from [deg, 0 north, 90 east, to 360]: "
+        "3,270 is a west wind; simulate-cable and entry take a velocity X,Y instead",
+    )
     add("--position-noise", type=float, default=0.0, metavar="M", help="standard deviation [m]")
     add("--velocity-noise", type=float, default=0.0, metavar="M/S", help="the same [m/s]")
     add("--gap", metavar="START,DURATION", help="loss of the link [s]")
@@ -57,8 +61,13 @@ def run(args) -> int:
     wind = (0.0, 0.0)
     if args.wind:
         strength, from_deg = _pair("--wind", args.wind, "M/S,FROM_DEG")
-        if strength < 0:
-            raise InputError(f"--wind {args.wind}: the speed must not be negative")
+        if not 0.0 <= strength < inf:
+            raise InputError(f"--wind {args.wind}: the speed must be finite and not negative")
+        if not 0.0 <= from_deg <= 360.0:
+            raise InputError(
+                f"--wind {args.wind}: from {from_deg:g} deg is not allowed, it must be 0 to 360 "
+                "(M/S,FROM_DEG)"
+            )
         wind = (-strength * sin(radians(from_deg)), -strength * cos(radians(from_deg)))
     change = None
     if args.radius_change:
@@ -88,6 +97,7 @@ def run(args) -> int:
 
 def _beacon(args, configuration, flight):
     """The payload's beacon; None without --beacon."""
+    from ctcbs_ros.cli.cable_run import progress
     from ctcbs_ros.simulate import SimulatedBeacon, simulate_payload
 
     if args.beacon is None:
@@ -98,7 +108,10 @@ def _beacon(args, configuration, flight):
     offset = (0.0, 0.0, 0.0)
     if args.beacon_offset is not None:
         offset = _numbers("--beacon-offset", args.beacon_offset, "E,N,U", 3)
-    payload = simulate_payload(configuration, flight, late=BEACON_LATE)
+    with progress("payload") as bar:
+        payload = simulate_payload(
+            configuration, flight, late=BEACON_LATE, tell=lambda part: bar.update(part - bar.n)
+        )
     return SimulatedBeacon(payload, args.beacon, offset, args.beacon_noise or 0.0)
 
 

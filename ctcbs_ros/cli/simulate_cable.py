@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ctcbs_ros.cli.cable_units import units_and_parameters, vector
+from ctcbs_ros.cli.cable_units import GIVEN_ELASTICITY, units_and_parameters, vector
 from ctcbs_ros.cli.numbers import number
 from ctcbs_ros.cli.output import print_json
 from ctcbs_ros.cli.steady import add_flight, add_nondimensional
@@ -32,9 +32,11 @@ def add_parser(subparsers) -> None:
         help="the cable in time: entries, wind, winch, pick-up and release",
         description="Simulate an elastic cable (lumped masses, quadratic drag) towed round a "
         "circle anticlockwise, or along a track. Units: tow radii, 1/Omega, mu a; with --config "
-        "m, s, kg. An inextensible cable is simulated with its vibration elasticity (600).",
+        "m, s, kg. Axes: x, y level and z up from the circle's centre in the tow plane, with the "
+        "tow point on +x at the start; of a log east, north, up. An inextensible cable is "
+        "simulated with its vibration elasticity (600).",
     )
-    add_nondimensional(parser)
+    add_nondimensional(parser, GIVEN_ELASTICITY)
     add_flight(parser)
     group = parser.add_argument_group("motion")
     add = group.add_argument
@@ -51,9 +53,9 @@ def add_parser(subparsers) -> None:
     )
     add(
         "--wind", metavar="X,Y[,Z]",
-        help="velocity of the air, over the tow speed (m/s with --config), reached in an orbit; "
-        "or a CSV file with columns t, x, y[, z]; or 'log', as the --track's autopilot says, "
-        "right or wrong",
+        help="velocity of the air, over the tow speed (m/s with --config), reached in an orbit: "
+        "3,0 moves towards +x; not a direction that it blows from, as simulate has; or a CSV file "
+        "with columns t, x, y[, z]; or 'log', as the --track's autopilot says, right or wrong",
     )
     add("--reel-to", type=float, metavar="L", help="cable length to reel to, from the start on")
     add("--reel-rate", type=float, metavar="R", help="how fast, over the tow speed (or m/s)")
@@ -79,7 +81,9 @@ def add_parser(subparsers) -> None:
     add("--tolerance", type=number(float, 1e-10, 1e-2), default=1e-4, metavar="X",
         help="error of a step over length and tow speed, default 1e-4")  # fmt: skip
     add("--json", action="store_true", help="the result as JSON on stdout")
-    add("-o", "--output", metavar="FILE", help="CSV of end mass, tow point and tension in time")
+    add("-o", "--output", metavar="FILE",
+        help="CSV of end mass, tow point and tension in time: s, m, N with --config, else "
+        "1/Omega, tow radii, mu a^2 Omega^2")  # fmt: skip
     parser.set_defaults(run=run)
 
 
@@ -313,11 +317,15 @@ def _print(result, units) -> None:
     x, y, z = result["mean_position"]
     state = "settled" if result["settled"] else "NOT settled"
     print(f"after {result['orbits']:.4g} orbits: {state}; in the last one")
-    for name in ("radius", "depth"):
-        print(f"  {name:<9}{result[name]:.6g} {length}, from {result['least_' + name]:.6g} "
-              f"to {result['greatest_' + name]:.6g}")  # fmt: skip
-    print(f"  lag      {np.degrees(result['phase_lag']):.4g} deg")
-    print(f"  mean     {x:.5g}, {y:.5g}, {z:.5g} {length}")
+    for name, whence in (("radius", "about the tow circle's axis"), ("depth", "below its plane")):
+        print(f"  {name:<9}{result[name]:.6g} {length} {whence}, from "
+              f"{result['least_' + name]:.6g} to {result['greatest_' + name]:.6g}")  # fmt: skip
+    print(f"  lag      {np.degrees(result['phase_lag']):.4g} deg behind the tow point")
+    print(f"  mean     x {x:.5g}, y {y:.5g}, z {z:.5g} {length}")
+    beside = float(np.hypot(x, y))
+    if beside > 0.01 * result["radius"]:
+        print(f"           {beside:.4g} {length} beside the axis: the mass moves about that "
+              "place, and the radius above is not that of its own path")  # fmt: skip
     print(f"in all: greatest tension {result['greatest_tension']:.5g} {tension}, lowest point "
           f"{result['lowest']:.5g} {length}, greatest radius {result['greatest_excursion']:.5g} "
           f"{length}, slack {100.0 * result['slack']:.3g} % of the time")  # fmt: skip
@@ -326,7 +334,7 @@ def _print(result, units) -> None:
 def _print_passage(result, units) -> None:
     length, tension = units["names"]["length"], units["names"]["tension"]
     x, y, z = result["end_mass"]
-    print(f"at the end the mass is at {x:.5g}, {y:.5g}, {z:.5g} {length}")
+    print(f"at the end the mass is at x {x:.5g}, y {y:.5g}, z {z:.5g} {length}")
     for name, what in (("depth", "below"), ("distance", "beside")):
         print(f"  {what} the tow point {result['least_' + name]:.5g} to "
               f"{result['greatest_' + name]:.5g} {length}")  # fmt: skip

@@ -12,6 +12,7 @@ from ctcbs_ros.errors import InputError
 _NONDIMENSIONAL = ("omega", "length", "end_mass", "cable_drag", "drag_ratio")
 _OPTIONAL = ("end_weight", "density", "elasticity", "vibration_elasticity", "damping")
 _FLIGHT = ("radius", "speed")
+INEXTENSIBLE_ELASTICITY = "gamma of the steady state, and of the vibration unless inf; default inf"
 # Nylon, of all ropes the one that gives way most, breaks at 15 to 28 %: beyond this no cable
 # follows Hooke's law, nor keeps the diameter that its drag is reckoned with.
 _LARGEST_STRAIN = 0.2
@@ -37,8 +38,10 @@ def add_parser(subparsers) -> None:
     parser.set_defaults(run=run)
 
 
-def add_nondimensional(parser: argparse.ArgumentParser) -> None:
-    """Add the non-dimensional parameters (thesis Table 2.1)."""
+def add_nondimensional(
+    parser: argparse.ArgumentParser, elasticity: str = INEXTENSIBLE_ELASTICITY
+) -> None:
+    """Add the non-dimensional parameters (thesis Table 2.1); elasticity says what it is there."""
     group = parser.add_argument_group("non-dimensional parameters")
     for name, meaning in (
         ("omega", "angular velocity, sqrt(a Omega^2/g)"),
@@ -48,7 +51,7 @@ def add_nondimensional(parser: argparse.ArgumentParser) -> None:
         ("drag-ratio", "end-mass drag over cable drag, d/d_n"),
         ("end-weight", "end weight, W/(mu a g); default: the end mass"),
         ("density", "net weight of the cable over its weight; default 1"),
-        ("elasticity", "gamma of the steady state, and of the vibration unless inf; default inf"),
+        ("elasticity", elasticity),
         ("vibration-elasticity", "gamma of the vibration of an inextensible cable; default 600"),
         ("damping", "time constant of the line's axial damping times Omega; default 0"),
     ):

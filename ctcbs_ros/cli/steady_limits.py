@@ -44,6 +44,6 @@ def state_warnings(
     return [
         *stability_warnings(in_si, stability.nearest_loss, limits),
         *jump_warnings(in_speed, in_radius, limits),
-        *tension_warnings(in_si, configuration.cable, limits),
+        *tension_warnings(in_si.greatest_tension, configuration.cable, limits),
         *ground_warnings(height, limits),
     ]

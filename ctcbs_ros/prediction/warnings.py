@@ -138,7 +138,7 @@ def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) ->
     found += jump_warnings(
         end_mass.jump_in_speed, end_mass.jump_in_radius, limits, end_mass.fold_distance
     )
-    found += tension_warnings(end_mass.state, cable, limits)
+    found += tension_warnings(end_mass.state.greatest_tension, cable, limits)
     return found + ground_warnings(end_mass.lowest_height_above_home, limits)
 
 
@@ -185,14 +185,14 @@ def jump_warnings(
     return [_warn(WarningCode.NEAR_JUMP, text)]
 
 
-def tension_warnings(state: EndMassState, cable: Cable, limits: WarningLimits) -> list[Warning]:
-    """TENSION_LIMIT."""
-    if state.greatest_tension <= limits.tension_fraction * cable.breaking_tension:
+def tension_warnings(tension: float, cable: Cable, limits: WarningLimits) -> list[Warning]:
+    """TENSION_LIMIT, by the greatest tension in the cable [N]."""
+    if tension <= limits.tension_fraction * cable.breaking_tension:
         return []
     breaking = f"the breaking tension {cable.breaking_tension:g} N"
-    if state.greatest_tension <= cable.breaking_tension:
+    if tension <= cable.breaking_tension:
         breaking = f"{limits.tension_fraction:.0%} of {breaking}"
-    text = f"tension {state.greatest_tension:.1f} N is above {breaking}"
+    text = f"tension {tension:.1f} N is above {breaking}"
     return [_error(WarningCode.TENSION_LIMIT, text)]
 
 

@@ -39,7 +39,11 @@ def complete_folder(folder: str | Path) -> Iterator[Path]:
             f"--out {folder}: cannot be written: {error.strerror or error}"
         ) from error
     try:
-        yield draft
+        try:
+            yield draft
+        except KeyboardInterrupt as error:
+            error.args = (f"nothing was written to {folder}",)
+            raise
         for file in sorted(draft.iterdir()):
             os.replace(file, folder / file.name)
         made = []
