@@ -173,6 +173,11 @@ def test_a_replay_writes_sums_up_and_draws_what_the_beacon_measured(
     assert (out / "beacon.png").stat().st_size > 10_000
 
 
+def _right(found):
+    """The difference of a prediction that is right."""
+    return found and replace(found, enu=np.zeros(3), distance=0.0)
+
+
 def test_a_wrong_cable_length_is_said_in_the_summary_and_a_right_one_or_a_glitch_is_not(flight):
     def summed_up(outcomes):
         tally = BeaconTally()
@@ -180,8 +185,10 @@ def test_a_wrong_cable_length_is_said_in_the_summary_and_a_right_one_or_a_glitch
             tally.add(one)
         return "\n".join(_beacon_lines({"vehicle": None, **tally.as_dict()}))
 
-    found, _ = flight.clean
+    found = [replace(one, predicted=_right(one.predicted)) for one in flight.clean[0]]
     assert "cable.length" not in summed_up(found)
+    off = summed_up(flight.clean[0])  # the beacon is wrong by 3.7 m
+    assert "most is outside of where the stated errors put it: check cable.length" in off
     out = replace(found[-1], outcome=Unmatched.OUT_OF_REACH, predicted=None, simulated=None)
     assert "cable.length" not in summed_up([out] * 40 + found[50:])
     shorter = replace(flight.configuration.cable, length=80.0)
@@ -193,7 +200,7 @@ def test_a_wrong_cable_length_is_said_in_the_summary_and_a_right_one_or_a_glitch
     )  # fmt: skip
     share = tally.outcomes[Unmatched.OUT_OF_REACH] / beside
     assert share > 0.1
-    assert f"{share:.0%} of them are farther from the aircraft than the cable is" in (
+    assert f"{100 * share:.0f} % of them are farther from the aircraft than the cable is" in (
         text := summed_up(found)
     )
     assert "check cable.length" in text.splitlines()[2]

@@ -57,6 +57,8 @@ STANDINGS = {
         Standing.UNMODELLED: "simulated, wind not known",
     },
 }
+# Reports of the beacon from which their share in the stated 95 % tells something.
+_ENOUGH = 20
 SENSES = {"cw": "clockwise", "ccw": "anticlockwise"}
 
 
@@ -235,7 +237,7 @@ def _beacon_lines(beacon: dict[str, Any]) -> Iterator[str]:
     share = share_out_of_reach(_outcomes(beacon))
     if share is not None:
         yield (
-            f"{share:.0%} of them are farther from the aircraft than the cable is long: "
+            f"{100 * share:.0f} % of them are farther from the aircraft than the cable is long: "
             f"{LENGTH_HINT}."
         )
     figures = {
@@ -260,8 +262,14 @@ def _beacon_lines(beacon: dict[str, Any]) -> Iterator[str]:
             f"{found['rms_up_m']:6.2f}{found['horizontal_95_m']:8.2f}{found['vertical_95_m']:6.2f}"
             f"{100 * found['share_inside_95']:7.1f} %"
         )
-    if beacon["measured_minus_predicted"][Standing.SETTLED.value]["count"]:
+    settled = beacon["measured_minus_predicted"][Standing.SETTLED.value]
+    if settled["count"]:
         yield "What is settled is the prediction's error, with the beacon's own; the rest is not."
+    if settled["count"] >= _ENOUGH and settled["share_inside_95"] < 0.5:
+        yield (
+            "Of what is settled most is outside of where the stated errors put it: check "
+            "cable.length, end mass, drag, wind and the beacon itself."
+        )
     if figures:
         yield (
             "In stated 95 %: inside the ellipsoid of all three errors together. Of a wind not "
