@@ -349,7 +349,7 @@ def test_what_looks_like_still_air_is_not_known_to_be_still_without_an_airspeed(
 def test_samples_with_wind_are_counted_apart_from_those_where_it_is_not_known(calm, orbit):
     windy = Tally()
     for prediction in calm[:10]:
-        for east in (nan, 0.2, 4.0, 6.0):
+        for east in (nan, 0.02, 4.0, 6.0):
             wind = Wind(np.array([east, 0.0]), 0.01 * np.eye(2), WindSource.FLIGHT)
             told = wind_warnings(wind if east > 0.0 else None, orbit)
             windy.add(replace(prediction, warnings=tuple(told)))

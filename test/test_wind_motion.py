@@ -14,9 +14,12 @@ from ctcbs_ros.dynamics.line import line_of
 from ctcbs_ros.dynamics.signal import constant, spline
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.periodic.circle import Circle, end_mass_position, end_mass_velocity, motion_on
+from ctcbs_ros.periodic.fourier import at_times
 from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED
+from ctcbs_ros.pieces import drained
 from ctcbs_ros.prediction import wind_follower
 from ctcbs_ros.prediction.wind_follower import WindFollower
+from ctcbs_ros.prediction.wind_motion import Flight, linear_motion_search
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.steady_state import steady_states
 
@@ -233,3 +236,34 @@ def test_the_cable_in_time_comes_to_within_half_a_per_cent_of_the_tow_radius_of_
     # The tow point is where the turn of the motion begins.
     expected = np.roll(motion.path, -1, axis=0) / radius
     assert found == pytest.approx(expected, abs=0.005)
+
+
+def test_where_the_motion_bends_its_error_is_stated_from_what_the_last_step_showed():
+    # a tight circle, on which the linear motion is off by 20 times what is usual
+    radius, speed = 100.0, 55.0
+    configuration = load_configuration("design_example")
+
+    def point(radius, speed):
+        return flight_point(configuration, radius, speed, AIR).parameters
+
+    state = steady_states(point(radius, speed)).states[0]
+    orbit = orbit_of(radius, speed / radius)
+
+    def linear(wind, before=None):
+        flight = Flight.of(orbit, wind, GROUND_SPEED, state.parameters)
+        return drained(linear_motion_search(flight, point, state, before))
+
+    first = linear(2.2)
+    second = linear(3.4, first.motion)
+    third = linear(4.6, second.motion)
+    unaware = off_at(second, third)
+    assert unaware > 3.0 * second.error(third.flight)
+    assert off_at(second, third) < second.after(first).error(third.flight) < 6.0 * unaware
+
+
+def off_at(before, after):
+    """Greatest error of the end mass in the later flight, over the tow radius."""
+    times = np.linspace(0.0, 2.0 * np.pi, 50)
+    waves = before.at(after.flight)[:, 0, :, 0], after.waves[:, 0, :, 0]
+    places = [at_times(wave, times) for wave in waves]
+    return np.linalg.norm(places[0] - places[1], axis=-1).max()

@@ -162,4 +162,6 @@ class WindFollower:
             self._solved, self.reason = None, found
             self._failed = _Failed(self._sought, time, found)
         else:
+            if self._solved is not None:
+                found = found.after(self._solved)
             self._solved, self._failed, self.reason = found, None, ""

@@ -40,8 +40,11 @@ EFFORT = Effort(
 _COARSE = 6e-2
 # Steps of the derivatives: in ln of radius and rate, and in wind over the tow speed.
 _STEP = 0.01
-# Error of the linear motion over the square of the distance [a]: 1 to 7 on the test's flights.
+# Error of the linear motion over the square of the distance [a], until one is seen: on tight
+# circles it is 20 times that.
 _CURVATURE = 7.0
+# What is seen of it is doubled: it may bend more farther on.
+_BENDS_MORE = 2.0
 _PATH_POINTS = 72
 # Least wind in which "downwind" is a direction to take derivatives by [m/s].
 _LEAST_WIND = 0.05
@@ -110,11 +113,14 @@ class LinearMotion:
     motion : PeriodicMotion
     waves : (orders, 4, 3, n) ndarray
         Of the motion and of its three derivatives.
+    curvature : float
+        Error of the end mass over the square of the distance [a], see `after`.
     """
 
     flight: Flight
     motion: PeriodicMotion = field(repr=False)
     waves: np.ndarray = field(repr=False)
+    curvature: float = _CURVATURE
 
     def at(self, flight: Flight, columns=slice(None)) -> np.ndarray:
         """The waves of a flight nearby, with their derivatives, (orders, 4, 3, columns)."""
@@ -136,8 +142,23 @@ class LinearMotion:
     def error(self, flight: Flight) -> float:
         """By how much the end mass of a flight nearby may be off [a]."""
         there = self.flight
-        nonlinear = _CURVATURE * there.moved(flight) ** 2
+        nonlinear = self.curvature * there.moved(flight) ** 2
         return hypot(self.motion.residual, nonlinear + there.altered(flight))
+
+    def after(self, before: "LinearMotion") -> "LinearMotion":
+        """This motion with the curvature that one solved nearby before shows by its error here.
+
+        Where that lies too near to show any, with what was known there.
+        """
+        moved = before.flight.moved(self.flight)
+        times = np.linspace(0.0, 2.0 * np.pi, _PATH_POINTS, endpoint=False)
+        foreseen, solved = before.at(self.flight, 0)[:, 0], self.waves[:, 0, :, 0]
+        off = np.linalg.norm(at_times(foreseen, times) - at_times(solved, times), axis=-1).max()
+        known = before.flight.altered(self.flight) + before.motion.residual + self.motion.residual
+        if moved**2 * before.curvature <= known:
+            return replace(self, curvature=max(before.curvature, self.curvature))
+        seen = _BENDS_MORE * max(0.0, off - known) / moved**2
+        return replace(self, curvature=max(seen, 0.5 * before.curvature, _CURVATURE))
 
 
 def linear_motion_search(
