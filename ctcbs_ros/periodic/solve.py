@@ -32,6 +32,8 @@ _FIRST, _LONGEST, _SHORTEST = 0.05, 0.1, 2e-3
 _LEAST_PART = 0.1
 # Compression that is not taken for the error of few elements, in end weights.
 _SLACK = 0.3
+# Least tension at which the search was ended by the slack that follows, in end weights.
+_NEARLY_SLACK = 0.2
 # What the orders left out may come to, as a multiple of the last ones there.
 _TAIL = 5.0
 # Times of a turn that show where the end mass is, and the error in still air that their number of
@@ -76,13 +78,15 @@ class Effort:
 class Found:
     """A periodic motion, or None with the reason.
 
-    Where the search ended for that: `wind_reached`, up to which wind over the tow speed it was
-    found, or `uncertain`, by how much the end mass may be off [a]; else nan.
+    Where the search ended for that: `reached`, the path with the most wind that it was found for,
+    and whether the cable is `nearly_slack` there; or `uncertain`, by how much the end mass may be
+    off [a].
     """
 
     motion: PeriodicMotion | None
     reason: str
-    wind_reached: float = nan
+    reached: TowPath | None = None
+    nearly_slack: bool = False
     uncertain: float = nan
 
 
@@ -156,7 +160,8 @@ def coarse_search(
         return Found(None, "Newton's method does not find the steady state in still air again")
     wind, reached = yield from _continued(p, path, resampled(still, count))
     if wind < path.wind:
-        return Found(None, _limit(p, wind, reached), wind)
+        nearly_slack = reached.least_tension < _NEARLY_SLACK * p.end_weight
+        return Found(None, _limit(p, wind, reached), TowPath(path.kind, wind), nearly_slack)
     left = _tail(reached.values)[0] / _TAIL
     return _judged(
         PeriodicMotion(p, path, reached.values, left, reached.least_tension, reached.factors),

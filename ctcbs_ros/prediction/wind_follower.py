@@ -28,7 +28,7 @@ from ctcbs_ros.solver.steady_state import SteadyState
 # Distance (see `Flight.distance`) from where the motion was solved: from which it is solved anew,
 # and up to which it is used until that is done.
 _ANEW, _USED = 0.02, 0.08
-# Distance from where none was found, from which one is looked for before another turn is over.
+# Distance from where none was found, from which one is looked for before a quarter turn is over.
 _ELSEWHERE = 0.1
 # Work a sample, in that of `newton.work`: 20 ms of one core.
 _PIECE = 0.6
@@ -134,8 +134,8 @@ class WindFollower:
         if there is None:
             return True
         moved = there.flight.distance(flight)
-        turn = 2.0 * pi / flight.rate
-        return moved > _ELSEWHERE or (moved > _ANEW and time - there.time > turn)
+        quarter = 0.5 * pi / flight.rate  # the speed found from half a turn in wind changes yet
+        return moved > _ELSEWHERE or (moved > _ANEW and time - there.time > quarter)
 
     def _may_be_finer(self, time: float) -> bool:
         """Whether a coarse motion is to be solved finer: once a turn at most."""

@@ -14,8 +14,10 @@ _WHAT_TO_DO = "fly a wider circle or wait for less wind"
 def not_found(found: Found, wind: float, speed: float) -> str:
     """Why a search gave no motion in a wind, past a circle flown at a mean speed [m/s]."""
     why = found.reason
-    if isfinite(found.wind_reached):
-        why = f"one is found up to {found.wind_reached:.2f}"
+    if found.reached is not None:
+        why = f"one is found up to {found.reached.air_velocity:.2f}"
+        if found.nearly_slack:
+            why += ", where the cable goes slack"
     elif isfinite(found.uncertain):
         why = f"it is not known to better than {found.uncertain:.2f} of the tow radius"
     return (
