@@ -14,8 +14,8 @@ from ctcbs_ros.telemetry.skip_code import SkipCode
 GROUND_NOT_JUDGED = "nor is its height above the ground judged"
 WIND_NOT_KNOWN = "wind is not known; the position holds in still air only"
 # Speed of the air past the circle, over that along it, from which the prediction for still air is
-# not to be used, and the wind's standard deviation from which one cannot tell. An end mass hangs up
-# to a dozen times that share of the tow radius downwind.
+# not to be used, and the wind's standard deviation from which one cannot tell. An end mass hangs
+# up to a dozen times that share of the tow radius downwind.
 _WINDY = 0.005
 _UNSURE = 0.1
 # Standard deviations of the orbit to a fold below which it may have been passed.
