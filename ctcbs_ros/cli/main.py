@@ -50,12 +50,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"ctcbs: error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
-        signals.ignore()  # while the exception lives: afterwards it would seem lost, see `end_by`
         left = f", {error}" if error.args else ""  # what does not come of it
         print(f"ctcbs: interrupted{left}", file=sys.stderr)
         return 128 + signal.SIGINT
     except Terminated:
-        signals.ignore()
         print("ctcbs: terminated (SIGTERM)", file=sys.stderr)
         return 128 + signal.SIGTERM
     except BrokenPipeError:
@@ -126,9 +124,11 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _interrupt(_number: int, frame) -> None:
-    signals.end_by(Interrupted, frame)  # the end removes what is half written
+def _interrupt(_number: int, _frame) -> None:
+    signals.absorb()  # the end removes what is half written
+    raise Interrupted
 
 
-def _terminate(number: int, frame) -> None:
-    signals.end_by(lambda: Terminated(128 + number), frame)
+def _terminate(number: int, _frame) -> None:
+    signals.absorb()
+    raise Terminated(128 + number)

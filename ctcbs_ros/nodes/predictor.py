@@ -13,10 +13,6 @@ NO_ROS = (
 )
 
 
-class _Stopped(SystemExit):
-    """The end by a signal."""
-
-
 def main() -> int:
     """Run the node until SIGINT, SIGTERM or the end of its log.
 
@@ -101,8 +97,9 @@ def spin(node) -> None:
         executor.spin_once()
 
 
-def _stop(_number, frame) -> None:
-    signals.end_by(lambda: _Stopped(0), frame)
+def _stop(_number, _frame) -> None:
+    signals.absorb()
+    sys.exit(0)
 
 
 def _refuse(reason: str) -> int:
