@@ -45,7 +45,9 @@ BELOW = {
     "figures": {"kernels", "solver"},
     "design": {"kernels", "solver"},
     "twin": {"kernels", "solver", "orbit", "telemetry", "dynamics", "periodic"},
-    "prediction": {"kernels", "solver", "periodic", "orbit", "table", "telemetry", "twin"},
+    "prediction": {
+        "kernels", "solver", "dynamics", "periodic", "orbit", "table", "telemetry", "twin",
+    },
     "beacon": {"telemetry", "orbit", "prediction", "twin"},
     "replay": {
         "kernels", "solver", "periodic", "orbit", "table", "telemetry", "prediction", "beacon",

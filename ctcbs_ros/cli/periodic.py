@@ -3,7 +3,7 @@
 import argparse
 import sys
 from dataclasses import asdict
-from math import inf
+from math import inf, isnan
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from ctcbs_ros.cli.steady import add_nondimensional, parameters_from
 from ctcbs_ros.errors import InputError
 
 _ELASTICITY = 600.0
+# The cable in time, where no periodic motion is found.
+_FLYING = {"segments": 48, "left": 2e-4, "most_turns": 100, "tolerance": 1e-4}
 # Orders smaller than this share of the tow radius are not printed.
 _LEAST_SHOWN = 1e-9
 
@@ -63,35 +65,38 @@ def run(args: argparse.Namespace) -> int:
     path = TowPath(args.path, args.wind)
     parameters = parameters_from(args)
     state, reason = _state(parameters, args.state)
-    motion = None
-    if state is not None:
-        found = periodic_motion(state, path)
-        motion, reason = found.motion, found.reason or reason
     result = {
         "mean": None, "harmonics": [], "growth_rate": None, "stable": None, "residual": None,
+        "source": None,
     }  # fmt: skip
-    if motion is not None:
-        modes = floquet(motion, stability(state).functions)
-        x, y, z = motion.mean.tolist()
-        result = {
-            "mean": {"downwind": x, "crosswind": y, "depth": -z},
-            "harmonics": [
-                {"order": order, "x": amplitude[0], "y": amplitude[1], "z": amplitude[2]}
-                for order, amplitude in enumerate(_shown(motion.harmonics).tolist(), 1)
-            ],
-            "growth_rate": modes.growth_rate,
-            "stable": modes.stable,
-            "residual": motion.residual,
-            "frequency": modes.frequency,
-            "converged": modes.converged,
-            "functions": modes.functions,
-            "band": modes.band,
-            "least_tension": motion.least_tension,
-            "still_air": {
-                "end_mass_radius": state.end_mass_radius, "depth": state.depth,
-                "phase_lag": state.phase_lag,
-            },
-        }  # fmt: skip
+    if state is not None:
+        found = periodic_motion(state, path)
+        reason = found.reason or reason
+        if found.motion is not None:
+            modes = floquet(found.motion, stability(state).functions)
+            result |= _described(found.motion, state) | {
+                "growth_rate": modes.growth_rate,
+                "stable": modes.stable,
+                "source": "periodic",
+                "frequency": modes.frequency,
+                "converged": modes.converged,
+                "functions": modes.functions,
+                "band": modes.band,
+            }
+        else:
+            flown = _flown(state, path)
+            reason = f"{found.reason}: the motion is that of the cable flown in time"
+            if flown.motion is None:
+                reason = f"{found.reason}; flown in time, {flown.reason}"
+            else:
+                result |= _described(flown.motion, state) | {
+                    # Turns that repeat are those of a motion that disturbances leave.
+                    "growth_rate": None if isnan(flown.growth_rate) else flown.growth_rate,
+                    "stable": True,
+                    "source": "time-domain",
+                    "turns": flown.turns,
+                    "slack": flown.slack,
+                }
     if args.json:
         given = {"parameters": asdict(parameters), "wind": args.wind, "path": args.path}
         print_json(given | result | ({"reason": reason} if reason else {}))
@@ -100,6 +105,38 @@ def run(args: argparse.Namespace) -> int:
     if reason:
         print(f"ctcbs: note: {reason}", file=sys.stderr)
     return 0
+
+
+def _flown(state, path):
+    """What the cable comes to that is flown in time from still air."""
+    from ctcbs_ros.dynamics.equilibrium import equilibrium
+    from ctcbs_ros.pieces import drained
+    from ctcbs_ros.twin.turns import Flown, Flying, refined_turns_search
+
+    try:
+        begun = equilibrium(state, _FLYING["segments"] // 2)
+    except ArithmeticError as error:
+        return Flown(None, str(error))
+    how = Flying(**_FLYING)
+    return drained(refined_turns_search(state.parameters, path, begun, True, how))[1]
+
+
+def _described(motion, state) -> dict:
+    """Where the end mass is, and in still air."""
+    x, y, z = motion.mean.tolist()
+    return {
+        "mean": {"downwind": x, "crosswind": y, "depth": -z},
+        "harmonics": [
+            {"order": order, "x": amplitude[0], "y": amplitude[1], "z": amplitude[2]}
+            for order, amplitude in enumerate(_shown(motion.harmonics).tolist(), 1)
+        ],
+        "residual": motion.residual,
+        "least_tension": motion.least_tension,
+        "still_air": {
+            "end_mass_radius": state.end_mass_radius, "depth": state.depth,
+            "phase_lag": state.phase_lag,
+        },
+    }  # fmt: skip
 
 
 def _state(parameters, number: int | None):
@@ -152,8 +189,15 @@ def _print_table(result: dict, reason: str) -> None:
     for row in result["harmonics"]:
         if max(row["x"], row["y"], row["z"]) >= 1e-6:
             print(f"{row['order']:5d} {row['x']:10.6f} {row['y']:10.6f} {row['z']:10.6f}")
+    growth = result["growth_rate"]
+    margin = "margin not known" if growth is None else f"margin {-growth:.5g} per radian of orbit"
     print(
-        f"margin {-result['growth_rate']:.5g} per radian of orbit, "
-        f"{'stable' if result['stable'] else 'UNSTABLE'}; a finer solution would move the end "
-        f"mass by about {result['residual']:.1g} tow radii"
+        f"{margin}, {'stable' if result['stable'] else 'UNSTABLE'}; a finer solution would move "
+        f"the end mass by about {result['residual']:.1g} tow radii"
     )
+    if result["source"] == "time-domain":
+        slack = f"; some of it is slack for {result['slack']:.0%} of a turn"
+        print(
+            f"of the cable flown in time, the same from turn to turn after {result['turns']}"
+            + (slack if result["slack"] > 0.0 else "")
+        )

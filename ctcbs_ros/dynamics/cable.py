@@ -18,7 +18,7 @@ from ctcbs_ros.kernels import cable_motion
 TOLERANCE = 1e-4
 # Errors of tensions, in units of weight and drag, may be so many times larger.
 _TENSION = 10.0
-_MOST_STEPS = 1_000_000
+MOST_STEPS = 1_000_000
 _FAILURES = {
     cable_motion.TOO_MANY_STEPS: "too many steps are needed",
     cable_motion.NOT_FINITE: "no step is short enough",
@@ -129,8 +129,9 @@ def drive(
 
 
 def simulate(
-    line: Line, driven: Drive, state: CableState, times, tolerance: float = TOLERANCE
-) -> Motion:
+    line: Line, driven: Drive, state: CableState, times, tolerance: float = TOLERANCE,
+    most_steps: int = MOST_STEPS,
+) -> Motion:  # fmt: skip
     """Integrate the motion from a state to the last of some times.
 
     Parameters
@@ -144,6 +145,8 @@ def simulate(
     tolerance : float
         Error of a step in units of the length and of the greatest speed of the tow point; ten
         times that of tensions in units of the weight and the end mass's drag.
+    most_steps : int
+        Accepted or not, after which the motion counts as one that cannot be followed.
 
     Returns
     -------
@@ -187,7 +190,7 @@ def simulate(
     out_v = np.empty_like(out_x)
     status, reached, step, steps, rejected = cable_motion.advance(
         driven.compiled, line.packed(), driven.stops, tolerance, scale_x, scale_v, scale_t,
-        _MOST_STEPS, state.time, end, first, x, v, times, out_x, out_v,
+        most_steps, state.time, end, first, x, v, times, out_x, out_v,
     )  # fmt: skip
     if status != cable_motion.OK:
         kind = InputError if status == cable_motion.NO_LENGTH else ArithmeticError

@@ -1,6 +1,7 @@
 """The prediction: what the predictor makes of one sample, in SI units and ENU."""
 
 from dataclasses import dataclass, field
+from enum import Enum
 
 import numpy as np
 
@@ -65,6 +66,13 @@ class Geodetic:
     ellipsoidal: bool
 
 
+class MotionSource(Enum):
+    """How the motion in a wind is known."""
+
+    PERIODIC = "periodic"  # the solution of the equations over a turn
+    IN_TIME = "time-domain"  # the cable flown in time until its turns are the same
+
+
 @dataclass(frozen=True)
 class MotionInWind:
     """Where the end mass is on a circle in a steady wind, once settled.
@@ -83,6 +91,7 @@ class MotionInWind:
         Over the turn from now on, at equal times [m].
     motion : PeriodicMotion
         As it was solved, for a flight nearby.
+    source : MotionSource
     """
 
     position: np.ndarray
@@ -91,6 +100,7 @@ class MotionInWind:
     cable: np.ndarray
     path: np.ndarray
     motion: PeriodicMotion = field(repr=False)
+    source: MotionSource = MotionSource.PERIODIC
 
     @property
     def mean(self) -> np.ndarray:

@@ -93,7 +93,7 @@ class Predictor:
         )
         self._wind = WindChoice(user_wind(configuration.wind))
         self._history = History()
-        self._follower = WindFollower()
+        self._follower = WindFollower(in_time=with_twin)
         self._at_airspeed = False
         self._orbiting = False
         self._flight: int | None = None

@@ -212,6 +212,7 @@ def _motion_in_wind(end_mass: EndMass) -> Record:
     """
     return {
         "wind_modelled": end_mass.in_wind is not None,
+        "in_wind_source": end_mass.in_wind.source.value if end_mass.in_wind is not None else None,
         "wind_unmodelled_because": end_mass.unmodelled_because or None,
         **_enu("end_mass_mean", end_mass.circle_center),
         "end_mass_excursion_m": finite(end_mass.excursion),

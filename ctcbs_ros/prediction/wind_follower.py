@@ -1,7 +1,8 @@
 """The motion in the wind, followed from orbit to orbit at a bounded cost a sample.
 
 It is solved now and then, in pieces shared out over the samples; in between it is linear. Coarsely
-at first, which takes a sample or two; finer while the flight stays near.
+at first, which takes a sample or two; finer while the flight stays near. Where no periodic motion
+is found, the cable is flown in time until its turns are the same.
 """
 
 from dataclasses import dataclass
@@ -12,7 +13,8 @@ import numpy as np
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.prediction.jumps import is_on_another_branch
-from ctcbs_ros.prediction.prediction import MotionInWind
+from ctcbs_ros.prediction.prediction import MotionInWind, MotionSource
+from ctcbs_ros.prediction.wind_in_time import motion_in_time_search
 from ctcbs_ros.prediction.wind_motion import (
     Flight,
     LinearMotion,
@@ -36,17 +38,23 @@ _PIECE = 0.6
 
 @dataclass(frozen=True)
 class _Failed:
-    """Where no motion was found, when, and why."""
+    """Where no periodic motion was found, and when it was sought."""
 
     flight: Flight
     time: float
-    reason: str
 
 
 class WindFollower:
-    """Follows the periodic motion from orbit to orbit."""
+    """Follows the motion from orbit to orbit.
 
-    def __init__(self):
+    Parameters
+    ----------
+    in_time : bool
+        Whether the cable is flown in time where no periodic motion is found.
+    """
+
+    def __init__(self, in_time: bool = False):
+        self._in_time = in_time
         self.reset()
 
     def reset(self) -> None:
@@ -98,8 +106,7 @@ class WindFollower:
         flight = Flight.of(orbit, float(np.hypot(*velocity)), kind, state.parameters)
         self._forget_others(state, flight)
         if (self._search is None or self._refining) and self._is_due(flight, orbit.time):
-            before = None if self._solved is None else self._solved.motion
-            self._search = linear_motion_search(flight, scaled, state, before)
+            self._search = self._found_anyhow(flight, scaled, state, orbit.time)
             self._sought, self._refining = flight, False
         elif self._search is None and self._may_be_finer(orbit.time):
             self._search = finer_motion_search(self._solved, flight, scaled, state)
@@ -127,15 +134,38 @@ class WindFollower:
             self.reset()
         self._state = state
 
+    def _found_anyhow(self, flight: Flight, scaled: Scaled, state: SteadyState, time: float):
+        """The periodic motion, or else the one in time, or why there is neither; yields work."""
+        before = self._solved
+        is_in_time = before is not None and before.source is MotionSource.IN_TIME
+        if not self._is_hopeless(flight, time):
+            known = None if before is None or is_in_time else before.motion
+            found = yield from linear_motion_search(flight, scaled, state, known)
+            if not isinstance(found, str):
+                self._failed = None
+                return found
+            self._failed = _Failed(flight, time)
+            if not self._in_time:
+                return found
+        return (
+            yield from motion_in_time_search(
+                flight, scaled, state, before if is_in_time else None
+            )
+        )
+
     def _is_due(self, flight: Flight, time: float) -> bool:
         if self._solved is not None:
             return self._solved.flight.distance(flight) > _ANEW
+        return not self._is_hopeless(flight, time)
+
+    def _is_hopeless(self, flight: Flight, time: float) -> bool:
+        """Whether no periodic motion is to be looked for: none was found near here."""
         there = self._failed
         if there is None:
-            return True
+            return False
         moved = there.flight.distance(flight)
         quarter = 0.5 * pi / flight.rate  # the speed found from half a turn in wind changes yet
-        return moved > _ELSEWHERE or (moved > _ANEW and time - there.time > quarter)
+        return moved <= _ANEW or (moved <= _ELSEWHERE and time - there.time <= quarter)
 
     def _may_be_finer(self, time: float) -> bool:
         """Whether a coarse motion is to be solved finer: once a turn at most."""
@@ -152,16 +182,15 @@ class WindFollower:
                     left -= next(self._search)
                 except StopIteration as ended:
                     self._search = None
-                    self._take(ended.value, time)
+                    self._take(ended.value)
                     return
 
-    def _take(self, found: LinearMotion | str, time: float) -> None:
+    def _take(self, found: LinearMotion | str) -> None:
         if isinstance(found, str) and self._refining:
             return  # the coarse one stays
         if isinstance(found, str):
             self._solved, self.reason = None, found
-            self._failed = _Failed(self._sought, time, found)
         else:
             if self._solved is not None:
                 found = found.after(self._solved)
-            self._solved, self._failed, self.reason = found, None, ""
+            self._solved, self.reason = found, ""

@@ -12,6 +12,7 @@ from math import atan2, hypot, log
 
 import numpy as np
 
+from ctcbs_ros.dynamics.cable import CableState
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.periodic.elements import at_arc_lengths
@@ -27,7 +28,7 @@ from ctcbs_ros.periodic.solve import (
 )
 from ctcbs_ros.periodic.tow_path import GROUND_SPEED, TowPath
 from ctcbs_ros.prediction.pose import CABLE_POINTS
-from ctcbs_ros.prediction.prediction import MotionInWind
+from ctcbs_ros.prediction.prediction import MotionInWind, MotionSource
 from ctcbs_ros.prediction.wind_reasons import ALONE, NO_STRETCH, not_found
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import SteadyState
@@ -115,12 +116,17 @@ class LinearMotion:
         Of the motion and of its three derivatives.
     curvature : float
         Error of the end mass over the square of the distance [a], see `after`.
+    source : MotionSource
+    state : CableState or None
+        Of a motion in time, at a turn's end.
     """
 
     flight: Flight
     motion: PeriodicMotion = field(repr=False)
     waves: np.ndarray = field(repr=False)
     curvature: float = _CURVATURE
+    source: MotionSource = MotionSource.PERIODIC
+    state: CableState | None = field(default=None, repr=False)
 
     def at(self, flight: Flight, columns=slice(None)) -> np.ndarray:
         """The waves of a flight nearby, with their derivatives, (orders, 4, 3, columns)."""
@@ -136,8 +142,8 @@ class LinearMotion:
 
     @property
     def coarse(self) -> bool:
-        """Whether it may be known better."""
-        return self.motion.residual > EFFORT.accuracy
+        """Whether it may be known better: one in time is as well known as its segments let it."""
+        return self.source is MotionSource.PERIODIC and self.motion.residual > EFFORT.accuracy
 
     def error(self, flight: Flight) -> float:
         """By how much the end mass of a flight nearby may be off [a]."""
@@ -218,6 +224,14 @@ def finer_motion_search(
     return solved or ALONE
 
 
+def beside(flight: Flight, steps) -> Flight:
+    """The flight steps off, (3,): parts of the radius and the rate, wind over the tow speed."""
+    return replace(
+        flight, radius=flight.radius * (1.0 + steps[0]), rate=flight.rate * (1.0 + steps[1]),
+        wind=flight.wind + steps[2] * flight.radius * flight.rate,
+    )  # fmt: skip
+
+
 def _with_derivatives(motion: PeriodicMotion, flight: Flight, scaled: Scaled):
     """By one-sided differences; None where they lead nowhere."""
     waves = fourier(motion.values)
@@ -225,16 +239,12 @@ def _with_derivatives(motion: PeriodicMotion, flight: Flight, scaled: Scaled):
     for steps in np.eye(3):
         # By a shorter radius, a lower rate and less wind where more of them lead nowhere.
         for step in (_STEP, -_STEP):
-            beside = replace(
-                flight, radius=flight.radius * (1.0 + step * steps[0]),
-                rate=flight.rate * (1.0 + step * steps[1]),
-                wind=flight.wind + step * steps[2] * speed,
-            )  # fmt: skip
-            if beside.wind < 0.0:
+            there = beside(flight, step * steps)
+            if there.wind < 0.0:
                 continue
-            parameters = scaled(beside.radius, beside.radius * beside.rate)
+            parameters = scaled(there.radius, there.radius * there.rate)
             guess = motion.values * (parameters.length / motion.parameters.length)
-            solved = yield from newton_steps(parameters, beside.path, guess, motion.factors)
+            solved = yield from newton_steps(parameters, there.path, guess, motion.factors)
             if solved is not None:
                 unit = step * speed if steps[2] else log(1.0 + step)
                 found.append((fourier(solved.values) - waves) / unit)
@@ -292,6 +302,7 @@ def motion_in_wind(
         cable=_in_field(cable.T + here.tow_point, orbit, downwind),
         path=_in_field(turn, orbit, downwind),
         motion=solved.motion,
+        source=solved.source,
     )
 
 

@@ -4,6 +4,7 @@ import re
 from math import isfinite
 
 from ctcbs_ros.periodic.solve import Found
+from ctcbs_ros.twin.turns import Flown
 
 STILL_SOLVED = "the motion in this wind is still being solved"
 NO_STRETCH = "only of a cable that stretches is the motion in wind known: set cable.youngs_modulus"
@@ -22,6 +23,21 @@ def not_found(found: Found, wind: float, speed: float) -> str:
         why = f"it is not known to better than {found.uncertain:.2f} of the tow radius"
     return (
         f"no motion found in this wind, {wind / speed:.2f} of the mean speed along the circle "
+        f"({speed:.1f} m/s): {why}; {_WHAT_TO_DO}"
+    )
+
+
+def not_repeating(flown: Flown, wind: float, speed: float) -> str:
+    """The same of a cable flown in time, where its turns do not come to the same."""
+    why = flown.reason or ALONE
+    if isfinite(flown.greatest_distance) and flown.motion is None:
+        why = (
+            f"the end mass keeps changing its way from turn to turn, between "
+            f"{flown.least_distance:.2f} and {flown.greatest_distance:.2f} tow radii from the "
+            "circle's axis"
+        )
+    return (
+        f"no steady motion in this wind, {wind / speed:.2f} of the mean speed along the circle "
         f"({speed:.1f} m/s): {why}; {_WHAT_TO_DO}"
     )
 

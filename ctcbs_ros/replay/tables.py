@@ -63,6 +63,7 @@ PREDICTION_COLUMNS = (
     "residual",
     "pose_holds",
     "wind_modelled",
+    "in_wind_source",
     "wind_unmodelled_because",
     "end_mass_mean_east_m",
     "end_mass_mean_north_m",
