@@ -116,6 +116,7 @@ class Soak:
     summary: dict
     records: int  # predictions received, valid or not
     poses: int
+    holding: int  # records whose pose holds: in a wind, with the motion in it
     growth_mb: float  # of the resident memory, most after the first ten minutes
     resident_mb: float  # at ten minutes
     wall_s: float
@@ -124,7 +125,8 @@ class Soak:
     def assert_good(self, log: Log) -> None:
         """Nothing lost, nothing grown."""
         assert self.summary["samples"] == self.records == log.samples
-        assert self.poses == self.summary["predictions"] > 0.9 * log.samples
+        assert self.poses == self.holding
+        assert self.summary["predictions"] > 0.9 * log.samples
         assert not self.unexpected, f"no prediction at {self.unexpected[:5]} s"
         assert self.growth_mb < GROWTH
 
@@ -141,7 +143,7 @@ def soak(path: Path, log: Log, folder: Path) -> Soak:
     # After each break half a turn or a whole one is flown before an orbit is known again.
     breaks = [(0.0, 0.0), *log.breaks]
     known = [(start, end + 1.3 * TURN) for start, end in breaks]
-    seen = {"records": 0, "poses": 0, "time": 0.0, "first": None}
+    seen = {"records": 0, "poses": 0, "holding": 0, "time": 0.0, "first": None}
     unexpected = array("d")
     resident = array("d")
     started = time.monotonic()
@@ -152,6 +154,7 @@ def soak(path: Path, log: Log, folder: Path) -> Soak:
     def add_record(message) -> None:
         seen["records"] += 1
         record = json.loads(message.data)
+        seen["holding"] += record["pose_holds"]
         stamp = record["stamp_ns"] / 1e9 - START_US / 1e6
         seen["time"] = stamp
         if not record["valid"] and not any(start <= stamp < end for start, end in known):
@@ -180,7 +183,8 @@ def soak(path: Path, log: Log, folder: Path) -> Soak:
         resident.append(resident_mb(node.process.pid))
     return Soak(
         json.loads(summaries[0].data), seen["records"], seen["poses"],
-        max(resident[first:]) - warm, warm, time.monotonic() - started, list(unexpected),
+        seen["holding"], max(resident[first:]) - warm, warm, time.monotonic() - started,
+        list(unexpected),
     )  # fmt: skip
 
 
@@ -205,8 +209,10 @@ def main() -> None:
         found = soak(path, log, Path(name))
     print(
         f"{arguments.hours:g} h at {arguments.rate:g} Hz in {found.wall_s:.0f} s: "
-        f"{found.records} of {log.samples} samples and {found.poses} valid predictions received, "
-        f"{len(found.unexpected)} missing; skipped {found.summary['skipped']}; "
+        f"{found.records} of {log.samples} samples received, "
+        f"{found.summary['predictions']} with a valid prediction, "
+        f"{found.poses} of {found.holding} poses, {len(found.unexpected)} missing; "
+        f"skipped {found.summary['skipped']}; "
         f"memory {found.resident_mb:.1f} MB after 10 minutes, {found.growth_mb:+.2f} MB since"
     )
     found.assert_good(log)

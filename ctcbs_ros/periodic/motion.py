@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ctcbs_ros.periodic.elements import at_arc_lengths
+from ctcbs_ros.periodic.factors import Factors
 from ctcbs_ros.periodic.fourier import at_times, fourier
 from ctcbs_ros.periodic.tow_path import TowPath
 from ctcbs_ros.solver.parameters import Parameters
@@ -32,7 +33,7 @@ class PeriodicMotion:
         [a], estimated from a coarser solution; nan where there was none.
     least_tension : float
         Along the cable over the turn.
-    factors : list
+    factors : Factors, optional
         Of the last matrix of Newton's method, for motions nearby.
     """
 
@@ -41,7 +42,7 @@ class PeriodicMotion:
     values: np.ndarray = field(repr=False)
     residual: float
     least_tension: float
-    factors: list = field(default_factory=list, repr=False, compare=False)
+    factors: Factors | None = field(default=None, repr=False, compare=False)
 
     def end_mass(self, times) -> np.ndarray:
         """Position of the end mass at times of any shape, with a last axis of 3."""

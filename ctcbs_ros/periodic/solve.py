@@ -11,6 +11,7 @@ import numpy as np
 
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.periodic.elements import DEGREE, at_arc_lengths, interpolated
+from ctcbs_ros.periodic.factors import Storage, bytes_needed
 from ctcbs_ros.periodic.fourier import fourier, resampled, times
 from ctcbs_ros.periodic.motion import PeriodicMotion
 from ctcbs_ros.periodic.newton import Solved, newton_steps
@@ -54,7 +55,9 @@ class Effort:
     converged : float
         Where no more are allowed, this is enough.
     most_times, most_elements : int
-        By default a matrix of one element takes 20 MB, all of them some seconds.
+        By default a matrix of one element takes 12 MB, all of them some seconds.
+    most_memory : float
+        For the factors of a matrix [bytes], see `bytes_needed`.
     ladder : tuple of (int, float)
         Times of a turn that a continuation begins with, and the error in still air that its
         number of elements is for; then what is tried where those do not suffice.
@@ -64,7 +67,15 @@ class Effort:
     converged: float = CONVERGED
     most_times: int = 81
     most_elements: int = 48
+    most_memory: float = inf
     ladder: tuple[tuple[int, float], ...] = ((13, 1e-3), (21, 1e-4), (33, 1e-6))
+
+    def allows(self, count: int, parts: int) -> bool:
+        """Whether so many times and elements are within it."""
+        return (
+            count <= self.most_times and parts <= self.most_elements
+            and bytes_needed(count, parts) <= self.most_memory
+        )
 
     def __post_init__(self):
         """Refuse an accuracy that is none."""
@@ -118,7 +129,7 @@ def periodic_motion(
 
 
 def motion_search(
-    state: SteadyState, path: TowPath, effort: Effort
+    state: SteadyState, path: TowPath, effort: Effort, storage: Storage | None = None
 ) -> Generator[float, None, Found]:
     """As `periodic_motion`, piece by piece: yields the work of each, see `newton_steps`."""
     p = state.parameters
@@ -127,16 +138,16 @@ def motion_search(
             "elasticity: inf is not allowed, the periodic motion is that of a cable that stretches"
         )
     limit, found = "", None
-    _, enough = yield from _in_still_air(state, _SHARE * effort.accuracy)
+    _, enough = yield from _in_still_air(state, _SHARE * effort.accuracy, storage)
     for count, error in effort.ladder:
-        still, _ = yield from _in_still_air(state, error)
+        still, _ = yield from _in_still_air(state, error, storage)
         if still is None:
             return Found(None, "Newton's method does not find the steady state in still air again")
-        wind, reached = yield from _continued(p, path, resampled(still, count))
+        wind, reached = yield from _continued(p, path, resampled(still, count), storage)
         if wind < path.wind:
             limit = _limit(p, wind, reached)
             continue
-        refined = yield from _refined(p, path, reached, enough, effort)
+        refined = yield from _refined(p, path, reached, enough, effort, storage)
         found = _judged(refined, effort.converged)
         if found.motion is not None:
             return found
@@ -144,7 +155,7 @@ def motion_search(
 
 
 def coarse_search(
-    state: SteadyState, path: TowPath, converged: float
+    state: SteadyState, path: TowPath, converged: float, storage: Storage | None = None
 ) -> Generator[float, None, Found]:
     """The motion in the few orders that make up its place: quick, also where more lead nowhere.
 
@@ -155,10 +166,10 @@ def coarse_search(
         raise InputError(
             "elasticity: inf is not allowed, the periodic motion is that of a cable that stretches"
         )
-    still, _ = yield from _in_still_air(state, error)
+    still, _ = yield from _in_still_air(state, error, storage)
     if still is None:
         return Found(None, "Newton's method does not find the steady state in still air again")
-    wind, reached = yield from _continued(p, path, resampled(still, count))
+    wind, reached = yield from _continued(p, path, resampled(still, count), storage)
     if wind < path.wind:
         nearly_slack = reached.least_tension < _NEARLY_SLACK * p.end_weight
         return Found(None, _limit(p, wind, reached), TowPath(path.kind, wind), nearly_slack)
@@ -169,11 +180,15 @@ def coarse_search(
     )
 
 
-def refined_search(motion: PeriodicMotion, effort: Effort) -> Generator[float, None, Found]:
+def refined_search(
+    motion: PeriodicMotion, effort: Effort, storage: Storage | None = None
+) -> Generator[float, None, Found]:
     """A motion with more functions and times, until the end mass moves no more."""
     begun = Solved(motion.values, motion.least_tension, 0, motion.factors)
     enough = motion.values.shape[2] // DEGREE
-    finer = yield from _refined(motion.parameters, motion.path, begun, enough, effort)
+    finer = yield from _refined(
+        motion.parameters, motion.path, begun, enough, effort, storage
+    )
     return _judged(finer, effort.converged)
 
 
@@ -208,7 +223,7 @@ def followed(motion: PeriodicMotion, parameters: Parameters, path: TowPath) -> F
 
 def followed_search(
     motion: PeriodicMotion, parameters: Parameters, path: TowPath, converged: float = CONVERGED,
-    safety: float = 1.0,
+    safety: float = 1.0, storage: Storage | None = None,
 ) -> Generator[float, None, Found]:
     """As `followed`, piece by piece: yields the work of each, see `newton_steps`.
 
@@ -222,7 +237,7 @@ def followed_search(
         wind = motion.path.wind + (path.wind - motion.path.wind) * there
         # The same shape, as far along the cable in proportion.
         guess = values * (q.length / p.length)
-        solved = yield from newton_steps(q, TowPath(path.kind, wind), guess, factors)
+        solved = yield from newton_steps(q, TowPath(path.kind, wind), guess, factors, storage)
         if solved is None:
             step *= 0.5
             if step < _LEAST_PART:
@@ -258,7 +273,7 @@ def _judged(motion: PeriodicMotion, converged: float) -> Found:
     return Found(motion, "")
 
 
-def _in_still_air(state: SteadyState, error: float):
+def _in_still_air(state: SteadyState, error: float, storage: Storage | None):
     """The steady state at three times, (3, 3, n), in as many functions as give it so well."""
     p, path = state.parameters, TowPath(GROUND_SPEED, 0.0)
     lag, solved = state.phase_lag, None
@@ -266,7 +281,8 @@ def _in_still_air(state: SteadyState, error: float):
         [state.end_mass_radius * cos(lag), -state.end_mass_radius * sin(lag), -state.depth]
     )
     for count in _ELEMENTS:
-        solved = (yield from newton_steps(p, path, _projected(state, count))) or solved
+        guess = _projected(state, count)
+        solved = (yield from newton_steps(p, path, guess, storage=storage)) or solved
         if solved is not None:
             end = solved.values[0, :, 0] + [1.0, 0.0, 0.0]
             if np.abs(end - expected).max() < error:
@@ -292,10 +308,10 @@ def _projected(state: SteadyState, count: int) -> np.ndarray:
     return np.stack([flat.real, flat.imag, np.broadcast_to(z, flat.shape)], axis=1)
 
 
-def _continued(p: Parameters, path: TowPath, still: np.ndarray):
+def _continued(p: Parameters, path: TowPath, still: np.ndarray, storage: Storage | None):
     """Raise the wind: how far Newton's method or a slack cable let it, and the motion there."""
     wind, step, before = 0.0, _FIRST, None
-    here = yield from newton_steps(p, TowPath(path.kind, 0.0), still)
+    here = yield from newton_steps(p, TowPath(path.kind, 0.0), still, storage=storage)
     here = here or Solved(still, 0.0, 0)
     while wind < path.wind and here.least_tension > -_SLACK * p.end_weight:
         # No last step that is too short to tell a direction from.
@@ -303,7 +319,7 @@ def _continued(p: Parameters, path: TowPath, still: np.ndarray):
         guess = here.values
         if before is not None:
             guess = guess + (guess - before[0]) * (there - wind) / (wind - before[1])
-        found = yield from newton_steps(p, TowPath(path.kind, there), guess)
+        found = yield from newton_steps(p, TowPath(path.kind, there), guess, storage=storage)
         if found is None:
             step *= 0.4
             if step < _SHORTEST:
@@ -314,14 +330,14 @@ def _continued(p: Parameters, path: TowPath, still: np.ndarray):
     return wind, here
 
 
-def _refined(p, path, solved: Solved, enough: int, effort: Effort):
+def _refined(p, path, solved: Solved, enough: int, effort: Effort, storage: Storage | None):
     """Add elements and times until the end mass moves no more."""
     residual = inf
     while residual > effort.accuracy:
         values = solved.values
         now = values.shape[0], values.shape[2] // DEGREE
         wanted = _more(now, values, enough, effort.accuracy)
-        finer = yield from _solved_in_more(p, path, values, now, wanted, effort)
+        finer = yield from _solved_in_more(p, path, values, now, wanted, effort, storage)
         if finer is None:
             break
         count = max(values.shape[0], finer.values.shape[0])
@@ -333,13 +349,14 @@ def _refined(p, path, solved: Solved, enough: int, effort: Effort):
     )
 
 
-def _solved_in_more(p, path, values, now, wanted, effort: Effort):
+def _solved_in_more(p, path, values, now, wanted, effort: Effort, storage: Storage | None):
     """Newton's method from a motion in so many times and elements to one in more."""
     count, parts = wanted
     # High orders ring: where one number of times leads nowhere, another may.
     for some in ((count, parts), (count + 8, parts), (count, now[1]), (count + 16, parts)):
-        if some != now and some[0] <= effort.most_times and some[1] <= effort.most_elements:
-            found = yield from newton_steps(p, path, _in_more(values, *some, p.length))
+        if some != now and effort.allows(*some):
+            guess = _in_more(values, *some, p.length)
+            found = yield from newton_steps(p, path, guess, storage=storage)
             if found is not None:
                 return found
     return None

@@ -12,10 +12,12 @@ import numpy as np
 
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.periodic.factors import Storage
 from ctcbs_ros.prediction.jumps import is_on_another_branch
 from ctcbs_ros.prediction.prediction import MotionInWind, MotionSource
 from ctcbs_ros.prediction.wind_in_time import motion_in_time_search
 from ctcbs_ros.prediction.wind_motion import (
+    EFFORT,
     Flight,
     LinearMotion,
     Scaled,
@@ -55,6 +57,7 @@ class WindFollower:
 
     def __init__(self, in_time: bool = False):
         self._in_time = in_time
+        self._storage: Storage | None = None  # until the first wind is known
         self.reset()
 
     def reset(self) -> None:
@@ -105,11 +108,15 @@ class WindFollower:
         """
         flight = Flight.of(orbit, float(np.hypot(*velocity)), kind, state.parameters)
         self._forget_others(state, flight)
+        if self._storage is None:
+            self._storage = Storage(EFFORT.most_memory)
         if (self._search is None or self._refining) and self._is_due(flight, orbit.time):
             self._search = self._found_anyhow(flight, scaled, state, orbit.time)
             self._sought, self._refining = flight, False
         elif self._search is None and self._may_be_finer(orbit.time):
-            self._search = finer_motion_search(self._solved, flight, scaled, state)
+            self._search = finer_motion_search(
+                self._solved, flight, scaled, state, self._storage
+            )
             self._sought, self._refining = flight, True
             self._refined_at = orbit.time
         if self._search is not None:

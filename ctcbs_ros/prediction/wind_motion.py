@@ -16,6 +16,7 @@ from ctcbs_ros.dynamics.cable import CableState
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.periodic.elements import at_arc_lengths
+from ctcbs_ros.periodic.factors import Storage
 from ctcbs_ros.periodic.fourier import at_times, fourier
 from ctcbs_ros.periodic.motion import PeriodicMotion
 from ctcbs_ros.periodic.newton import newton_steps
@@ -36,8 +37,9 @@ from ctcbs_ros.solver.steady_state import SteadyState
 # What the wind's own uncertainty leaves worth knowing: 0.1 m of a radius of 100 m, at most 2 m,
 # and 6 m where only a coarse motion is found; the covariance has it.
 EFFORT = Effort(
-    1e-3, 2e-2, most_times=49, most_elements=24, ladder=((9, 1e-4), (17, 1e-4), (21, 1e-5))
-)
+    1e-3, 2e-2, most_times=49, most_elements=24, most_memory=22_000_000,
+    ladder=((9, 1e-4), (17, 1e-4), (21, 1e-5)),
+)  # fmt: skip
 _COARSE = 6e-2
 # Steps of the derivatives: in ln of radius and rate, and in wind over the tow speed.
 _STEP = 0.01
@@ -168,8 +170,9 @@ class LinearMotion:
 
 
 def linear_motion_search(
-    flight: Flight, scaled: Scaled, state: SteadyState, before: PeriodicMotion | None
-) -> Generator[float, None, LinearMotion | str]:
+    flight: Flight, scaled: Scaled, state: SteadyState, before: PeriodicMotion | None,
+    storage: Storage | None = None,
+) -> Generator[float, None, LinearMotion | str]:  # fmt: skip
     """The motion with its derivatives, or why there is none; yields work (`newton_steps`).
 
     Parameters
@@ -181,6 +184,8 @@ def linear_motion_search(
         In still air, on the branch flown.
     before : PeriodicMotion or None
         Of the same cable nearby, to begin with.
+    storage : Storage, optional
+        Where the factors of Newton's method are made.
     """
     if not state.parameters.elastic:
         return NO_STRETCH
@@ -188,37 +193,40 @@ def linear_motion_search(
         path = flight.path
         if before is not None:
             parameters = scaled(flight.radius, flight.radius * flight.rate)
-            found = yield from followed_search(before, parameters, path, _COARSE, 0.2)
+            found = yield from followed_search(
+                before, parameters, path, _COARSE, 0.2, storage
+            )
             if found.motion is not None:
-                solved = yield from _with_derivatives(found.motion, flight, scaled)
+                solved = yield from _with_derivatives(found.motion, flight, scaled, storage)
                 if solved is not None:
                     return solved
-        found = yield from coarse_search(state, path, _COARSE)
+        found = yield from coarse_search(state, path, _COARSE, storage)
         if found.motion is None:
             return not_found(found, flight.wind, flight.radius * flight.rate)
-        solved = yield from _with_derivatives(found.motion, flight, scaled)
+        solved = yield from _with_derivatives(found.motion, flight, scaled, storage)
     except InputError as error:
         return str(error)
     return solved or ALONE
 
 
 def finer_motion_search(
-    coarse: LinearMotion, flight: Flight, scaled: Scaled, state: SteadyState
-) -> Generator[float, None, LinearMotion | str]:
+    coarse: LinearMotion, flight: Flight, scaled: Scaled, state: SteadyState,
+    storage: Storage | None = None,
+) -> Generator[float, None, LinearMotion | str]:  # fmt: skip
     """A motion as well as it is worth knowing, from a coarse one or else from still air.
 
     It is that of the coarse one's flight, or else of `flight`; the parameters are those of
     `linear_motion_search`.
     """
     try:
-        found = yield from refined_search(coarse.motion, EFFORT)
+        found = yield from refined_search(coarse.motion, EFFORT, storage)
         if found.motion is not None:
             flight = coarse.flight
         else:
-            found = yield from motion_search(state, flight.path, EFFORT)
+            found = yield from motion_search(state, flight.path, EFFORT, storage)
         if found.motion is None:
             return found.reason
-        solved = yield from _with_derivatives(found.motion, flight, scaled)
+        solved = yield from _with_derivatives(found.motion, flight, scaled, storage)
     except InputError as error:
         return str(error)
     return solved or ALONE
@@ -232,9 +240,11 @@ def beside(flight: Flight, steps) -> Flight:
     )  # fmt: skip
 
 
-def _with_derivatives(motion: PeriodicMotion, flight: Flight, scaled: Scaled):
+def _with_derivatives(
+    motion: PeriodicMotion, flight: Flight, scaled: Scaled, storage: Storage | None
+):
     """By one-sided differences; None where they lead nowhere."""
-    waves = fourier(motion.values)
+    waves, factors = fourier(motion.values), motion.factors
     found, speed = [waves], flight.radius * flight.rate
     for steps in np.eye(3):
         # By a shorter radius, a lower rate and less wind where more of them lead nowhere.
@@ -244,8 +254,9 @@ def _with_derivatives(motion: PeriodicMotion, flight: Flight, scaled: Scaled):
                 continue
             parameters = scaled(there.radius, there.radius * there.rate)
             guess = motion.values * (parameters.length / motion.parameters.length)
-            solved = yield from newton_steps(parameters, there.path, guess, motion.factors)
+            solved = yield from newton_steps(parameters, there.path, guess, factors, storage)
             if solved is not None:
+                factors = solved.factors
                 unit = step * speed if steps[2] else log(1.0 + step)
                 found.append((fourier(solved.values) - waves) / unit)
                 break
