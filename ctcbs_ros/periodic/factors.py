@@ -12,6 +12,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from ctcbs_ros.kernels.cable_waves import element_matrix
 from ctcbs_ros.periodic.elements import DEGREE, Elements
+from ctcbs_ros.solver.blas import one_blas_thread
 
 # Unknowns of an element at one time: those that are eliminated, and those of its upper end.
 _OWN, _END = 3 * DEGREE, 3
@@ -33,19 +34,28 @@ class Storage:
     size : int
         Bytes, all of them resident from the beginning on. What does not fit gets memory of its
         own.
+    most_times : int
+        The linear algebra's own memory for so many is made resident as well.
     """
 
-    def __init__(self, size: int):
+    def __init__(self, size: int, most_times: int):
         # Mapped, not from the heap: what is given back of that size makes the C library keep all
         # that is smaller to itself from then on.
         self._memory = np.frombuffer(mmap(-1, size))
         self._memory[:] = 0.0  # a page is only there when it has been written to
-        self._used = 0
-        self.held: Factors | None = None
+        self.clear()
+        own, end = _OWN * most_times, _END * most_times
+        lu, below, beside = self.array(own, own), self.array(end, own), self.array(own, end)
+        np.fill_diagonal(lu, 1.0)
+        with one_blas_thread():
+            lu, pivots, _ = dgetrf(lu, overwrite_a=1)
+            below @ dgetrs(lu, pivots, beside, overwrite_b=1)[0]
+        self.clear()
 
     def clear(self) -> None:
         """Use the memory for other factors; those held so far are lost."""
-        self._used, self.held = 0, None
+        self._used = 0
+        self.held: Factors | None = None
 
     def array(self, rows: int, columns: int) -> np.ndarray:
         """A piece of it that nothing else uses, column by column as LAPACK has it."""

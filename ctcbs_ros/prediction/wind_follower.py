@@ -109,7 +109,7 @@ class WindFollower:
         flight = Flight.of(orbit, float(np.hypot(*velocity)), kind, state.parameters)
         self._forget_others(state, flight)
         if self._storage is None:
-            self._storage = Storage(EFFORT.most_memory)
+            self._storage = Storage(EFFORT.most_memory, EFFORT.most_times)
         if (self._search is None or self._refining) and self._is_due(flight, orbit.time):
             self._search = self._found_anyhow(flight, scaled, state, orbit.time)
             self._sought, self._refining = flight, False
@@ -147,7 +147,9 @@ class WindFollower:
         is_in_time = before is not None and before.source is MotionSource.IN_TIME
         if not self._is_hopeless(flight, time):
             known = None if before is None or is_in_time else before.motion
-            found = yield from linear_motion_search(flight, scaled, state, known)
+            found = yield from linear_motion_search(
+                flight, scaled, state, known, self._storage
+            )
             if not isinstance(found, str):
                 self._failed = None
                 return found
