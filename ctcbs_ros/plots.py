@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ctcbs_ros.configuration import WarningLimits
+from ctcbs_ros.replay.motion_kind import UNKNOWN, UNMODELLED
 from ctcbs_ros.replay.tables import BEACON, PREDICTIONS, SAMPLES
 
 TRACK, MARGIN, END_MASS = "track.png", "margin.png", "end_mass.png"
@@ -20,6 +21,10 @@ TICK = 0.004  # part of the flight that a single warning is drawn as, at least
 
 BEACON_COLOR = "tab:green"
 TOW, MASS, OTHER, REST, LIMIT = "tab:blue", "tab:orange", "0.6", "0.75", "tab:red"
+# What is predicted for still air where nobody knows the wind, and where there is one in which the
+# motion is not known.
+IF_STILL = {"color": "goldenrod", "linestyle": (0, (1, 1))}
+NOT_TO_USE = {"color": "0.45", "linestyle": (0, (4, 2)), "linewidth": 1.0}
 # Of the orbits, told apart from those above and from each other.
 ORBITS = (
     "black", "tab:red", "tab:purple", "tab:brown", "deeppink", "tab:olive", "darkturquoise",
@@ -86,13 +91,20 @@ def track_figure(
         color=REST, linewidth=1.0, label="tow aircraft",
     )  # fmt: skip
     time = _column(predictions, "time_s")
-    for name, color, label in (
-        ("tow_point", TOW, "tow aircraft, with a prediction"),
-        ("end_mass", MASS, "end mass, where it settles"),
+    known, guessed, wrong = _wind_modelled(predictions)
+    for name, where, style, label in (
+        ("tow_point", known | guessed | wrong, {"color": TOW}, "tow aircraft, with a prediction"),
+        ("end_mass", wrong, NOT_TO_USE, "end mass in still air: not for the wind there is"),
+        ("end_mass", guessed, IF_STILL, "end mass, where it settles without wind (not known)"),
+        ("end_mass", known, {"color": MASS}, "end mass, where it settles"),
     ):
-        east = _column(predictions, f"{name}_east_m")
-        north = _column(predictions, f"{name}_north_m")
-        axes.plot(*_broken(time, east, north)[1:], color=color, linewidth=1.2, label=label)
+        if np.count_nonzero(where) < 2:  # is no line
+            continue
+        east, north = (
+            np.where(where, _column(predictions, f"{name}_{axis}_m"), nan)
+            for axis in ("east", "north")
+        )
+        axes.plot(*_broken(time, east, north)[1:], **({"linewidth": 1.2} | style), label=label)
     if beacon is not None:
         measured = [_column(beacon, f"measured_{axis}_m") for axis in ("east", "north")]
         axes.plot(
@@ -105,6 +117,7 @@ def track_figure(
             east = np.median(_column(predictions, "orbit_center_east_m")[during])
             north = np.median(_column(predictions, "orbit_center_north_m")[during])
             _draw_orbit(axes, number, orbit, east, north, next(colors))
+    _label_once(axes)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("east [m]")
     axes.set_ylabel("north [m]")
@@ -160,7 +173,11 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
 
 
 def end_mass_figure(predictions: Table, samples: Table):
-    """Radius, depth and height of the end mass against time."""
+    """Distance from the circle's centre, depth and height of the end mass against time.
+
+    In the motion predicted, in wind that in the wind. What is predicted for still air where the
+    wind is not known, or the motion in it is not, stands apart.
+    """
     figure = _figure(10.0, 7.0)
     radius, depth, height = figure.subplots(3, sharex=True)
     time = _column(predictions, "time_s")
@@ -172,25 +189,34 @@ def end_mass_figure(predictions: Table, samples: Table):
     ]
     if others:
         radius.plot(
-            *np.array(others).T, ".", markersize=2, color=OTHER, label="other steady states"
+            *np.array(others).T, ".", markersize=2, color=OTHER,
+            label="other steady states, in still air",
         )
     settled = np.array([cell == "True" for cell in predictions["settled"]], dtype=bool)
-    for axes, name, label in (
-        (radius, "end_mass_radius_m", "radius of the end\nmass's circle [m]"),
-        (depth, "end_mass_depth_m", "depth below the\ntow aircraft [m]"),
-        (height, "end_mass_height_above_home_m", "height above home\nor set ground [m]"),
-    ):
-        column = _column(predictions, name)
-        for shown, alpha, of in (
-            (settled, 1.0, "predicted, settled"),
-            (~settled, SETTLING, "predicted, still settling"),
+    holds, guessed, wrong = _wind_modelled(predictions)
+    east, north, up = (
+        _column(predictions, f"end_mass_{axis}_m")
+        - _column(predictions, f"orbit_center_{axis}_m")
+        for axis in ("east", "north", "up")
+    )
+    for axes, column, label in (
+        (radius, np.hypot(east, north), "distance from the\ncircle's centre [m]"),
+        (depth, -up, "depth below the\naircraft's circle [m]"),
+        (
+            height, _column(predictions, "end_mass_height_above_home_m"),
+            "height above home\nor set ground [m]",
+        ),
+    ):  # fmt: skip
+        for shown, style, of in (
+            (wrong, NOT_TO_USE, "in still air: not for the wind there is"),
+            (guessed, IF_STILL, "predicted without wind, which is not known"),
+            (settled & holds, {"color": MASS, "alpha": 1.0}, "predicted, settled"),
+            (~settled & holds, {"color": MASS, "alpha": SETTLING}, "predicted, still settling"),
         ):
-            if shown.any():
-                axes.plot(
-                    *_broken(time, np.where(shown, column, nan)), color=MASS, alpha=alpha, label=of
-                )
+            if np.count_nonzero(shown) > 1:  # is a line
+                axes.plot(*_broken(time, np.where(shown, column, nan)), **style, label=of)
         axes.set_ylabel(label)
-    if len(time):
+    if radius.get_legend_handles_labels()[0]:
         radius.legend(loc="best", frameon=False)
     radius.set_ylim(0.0, 1.1 * radius.get_ylim()[1])
     for axes in (depth, height):
@@ -199,7 +225,8 @@ def end_mass_figure(predictions: Table, samples: Table):
         axes.set_ylim(low - 0.5 * short, high + 0.5 * short)
     height.set_xlabel("time from the first believed sample [s]")
     known = np.isfinite(_column(predictions, "end_mass_height_above_home_m")).any()
-    whole = _column(samples, "time_s")
+    # Of a long flight with a short turn the turn.
+    whole = time if len(time) > 1 else _column(samples, "time_s")
     for axes in (radius, depth, height):
         axes.grid(alpha=0.3)
         if not len(time):
@@ -207,7 +234,8 @@ def end_mass_figure(predictions: Table, samples: Table):
         elif axes is height and not known:
             _say_instead(axes, "not known: no height above home or ground")
         if np.isfinite(whole).any():
-            axes.set_xlim(np.nanmin(whole), np.nanmax(whole))
+            margin = 0.02 * (np.nanmax(whole) - np.nanmin(whole))
+            axes.set_xlim(np.nanmin(whole) - margin, np.nanmax(whole) + margin)
     return figure
 
 
@@ -273,25 +301,36 @@ def _draw_orbit(
         bbox={"boxstyle": "circle,pad=0.2", "facecolor": color, "edgecolor": "white"},
     )  # fmt: skip
     text = f"orbit {number}: {orbit['turns']:.1f} turns of {orbit['radius_m']:.1f} m"
-    about, radius = complex(east, north), orbit["end_mass_radius_m"]
-    if None not in (orbit.get("end_mass_downwind_m"), orbit.get("wind_from_deg")):
-        off = complex(orbit["end_mass_downwind_m"], orbit["end_mass_crosswind_m"])
-        spread = orbit["end_mass_horizontal_std_m"]
-        text += f", end mass {abs(off):.0f} +- {spread:.0f} m off in wind"
-        # Compass bearings go clockwise from north, and wind is named by where it comes from.
-        about += off * np.exp(1j * (1.5 * pi - np.radians(orbit["wind_from_deg"])))
-        radius = orbit["end_mass_excursion_m"]
-    elif radius is not None:
-        text += f", end mass {radius:.2f} m"
+    center = complex(east, north)
     turn = np.exp(1j * np.linspace(0.0, 2.0 * pi, 181))
-    circles = [(complex(east, north) + orbit["radius_m"] * turn, text)]
-    if radius is not None:
-        circles.append((about + radius * turn, None))
-    for circle, label in circles:
-        axes.plot(
-            circle.real, circle.imag,
-            color=color, linewidth=1.8, linestyle=(0, (3, 5)), label=label,
-        )  # fmt: skip
+    dashed = {"color": color, "linewidth": 1.8, "linestyle": (0, (3, 5))}
+    loop, radius = orbit.get("end_mass_loop_m"), orbit["end_mass_radius_m"]
+    end_mass, style, label = None, dashed, None
+    if loop:
+        off = complex(orbit["end_mass_east_m"], orbit["end_mass_north_m"])
+        spread = orbit["end_mass_horizontal_std_m"]
+        text += f", end mass about {abs(off):.0f} +- {spread:.0f} m off, in wind"
+        end_mass = center + np.array([complex(*place) for place in [*loop, loop[0]]])
+    elif radius is not None and orbit.get("end_mass_motion") == UNMODELLED:
+        end_mass, style = center + radius * turn, NOT_TO_USE
+        label = "end mass in still air: not for the wind there is"
+    elif radius is not None:
+        without = " without wind" if orbit.get("end_mass_motion") == UNKNOWN else ""
+        text += f", end mass {radius:.2f} m{without}"
+        end_mass = center + radius * turn
+    circle = center + orbit["radius_m"] * turn
+    axes.plot(circle.real, circle.imag, **dashed, label=text)
+    if end_mass is not None:
+        axes.plot(end_mass.real, end_mass.imag, **style, label=label)
+
+
+def _label_once(axes) -> None:
+    """Leave each text in the legend once."""
+    known = set()
+    for line in axes.lines:
+        if line.get_label() in known:
+            line.set_label(None)
+        known.add(line.get_label())
 
 
 def _say_instead(axes, text: str) -> None:
@@ -326,6 +365,13 @@ def _spans(time: np.ndarray, on: list[bool]) -> list[tuple[float, float]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
     step = _usual_step(time)
     return [(time[first], time[after - 1] + step) for first, after in edges.reshape(-1, 2)]
+
+
+def _wind_modelled(predictions: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where the predicted place holds, where only if there is no wind, and where it does not."""
+    holds = np.array([cell == "True" for cell in predictions["pose_holds"]], dtype=bool)
+    known = np.array([cell != "" for cell in predictions["wind_source"]], dtype=bool)
+    return holds & known, holds & ~known, ~holds
 
 
 def _warning_codes(samples: Table) -> list[str]:

@@ -2,10 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from sample_flights import orbiting, samples_of
 
-from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.configuration import SetWind, load_configuration
 from ctcbs_ros.nodes.journal import LEFT, LINK_LINES, OVER, Journal
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.predictor import Predictor
@@ -59,6 +60,35 @@ def test_an_orbit_is_told_when_it_is_found_and_when_it_is_left(flight, journal, 
     mass = next(p for p in flight if p.valid).end_mass
     assert f"circle of {mass.state.radius:.1f} m" in log.lines[0]
     assert f"settled ({mass.settling_time:.0f} s)" in log.lines[0]
+
+
+def test_where_the_end_mass_is_in_wind_is_told_when_the_motion_is_found(log, journal):
+    # A wind of 3 m/s from the west carries the end mass east, to the left of it north.
+    windy = replace(
+        load_configuration("small_drone"), wind=SetWind(speed=3.0, from_direction=270.0)
+    )
+    predictor = Predictor(windy, with_twin=False)
+    for sample in samples_of(orbiting(radius=70.0, turns=0.8, wind=(3.0, 0.0))):
+        prediction = predictor.update(sample)
+        journal.add(prediction)
+        if prediction.pose_holds:
+            break
+    orbit, told = [line for line in log.lines if "end mass" in line and "INFO" in line]
+    assert "end mass not predicted in this wind; in still air on a circle of" in orbit
+    mass, center = prediction.end_mass, prediction.orbit.center
+    off = mass.in_wind.path.mean(axis=0) - center
+    bearing = {(1, 1): "north-east", (1, 0): "east", (0, 1): "north"}[
+        tuple(np.round(off[:2] / np.hypot(*off[:2])).astype(int))
+    ]
+    assert told.startswith(
+        "INFO end mass predicted in wind 3.0 m/s from 270 deg, about a place "
+        f"{np.hypot(*off[:2]):.1f} m {bearing} of the circle's centre and {-off[2]:.1f} m below"
+    )
+
+
+def test_a_wind_that_nobody_knows_is_told_with_the_end_mass(flight, journal, log):
+    journal.add(next(p for p in flight if p.valid and p.wind is None))
+    assert "end mass predicted for still air, the wind is not known: on a circle" in log.lines[0]
 
 
 def test_an_orbit_lost_for_a_moment_is_not_told(flight, journal, log):

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from math import inf, log, nan
 from pathlib import Path
 
@@ -14,21 +15,25 @@ import numpy as np
 import pytest
 from processes import LIMIT, read_to_end, read_until, start_on_terminal
 from replays import replayed
+from sample_flights import orbiting, samples_of
 
 from ctcbs_ros import plots
 from ctcbs_ros.cli.main import main
-from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.configuration import SetWind, load_configuration
 from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import end_mass_fields, prediction_record
 from ctcbs_ros.replay import core
 from ctcbs_ros.replay.folder import complete_folder
+from ctcbs_ros.replay.motion_kind import IN_WIND, UNKNOWN, UNMODELLED
+from ctcbs_ros.replay.summary import Summary
 from ctcbs_ros.replay.tables import (
     PREDICTION_COLUMNS,
     PREDICTIONS,
     SAMPLE_COLUMNS,
     SAMPLES,
+    ReplayTables,
 )
 from ctcbs_ros.replay.text import SKIPS, WARNINGS, summary_text
 from ctcbs_ros.table import table_for
@@ -74,7 +79,8 @@ def test_summary_has_the_keys_that_other_tools_rely_on(drone_log, drone_table):
         "start_s", "end_s", "turns", "radius_m", "speed_m_s", "sense", "center",
         "end_mass_radius_m", "end_mass_depth_m", "margin_per_s", "wind_speed_m_s",
         "wind_from_deg", "wind_source", "end_mass_downwind_m", "end_mass_crosswind_m",
-        "end_mass_horizontal_std_m", "end_mass_excursion_m",
+        "end_mass_horizontal_std_m", "end_mass_excursion_m", "end_mass_motion",
+        "wind_unmodelled_share", "end_mass_loop_m",
     } <= set(orbit)  # fmt: skip
     assert "replay" in done.stderr  # the progress
 
@@ -223,13 +229,103 @@ def test_text_of_the_summary_gives_no_direction_of_a_wind_weaker_than_its_error(
 def test_text_of_the_summary_tells_where_the_end_mass_is_in_wind(core_replay):
     (orbit,) = core_replay[1]["orbits"]
     windy = orbit | {
-        "wind_source": "flight", "wind_speed_m_s": 7.0, "wind_from_deg": 38.0,
+        "wind_source": "flight", "wind_speed_m_s": 7.0, "wind_from_deg": 359.7,
+        "end_mass_motion": IN_WIND,
+        "wind_unmodelled_share": 0.25, "end_mass_least_depth_m": 80.2,
+        "end_mass_greatest_depth_m": 145.4, "end_mass_lowest_above_home_m": 61.0,
         "end_mass_downwind_m": 55.2, "end_mass_crosswind_m": -27.4,
         "end_mass_horizontal_std_m": 9.1, "end_mass_excursion_m": 47.0,
     }  # fmt: skip
     text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [windy]})
     assert "about a place 55 m downwind and 27 m to the right of the circle's centre" in text
-    assert "up to 47 m from there; +- 9 m" in text
+    assert "up to 47 m from there, 80 to 145 m below the circle, lowest 61 m above" in text
+    assert "; +- 9 m" in text
+    assert "7.0 m/s from 0 deg" in text
+    row = next(line for line in text.splitlines() if line.startswith("    1  "))
+    assert "in wind, see below" in row
+    assert "In 25% of the predictions on orbit 1 the motion in its wind was not known" in text
+
+
+@pytest.mark.parametrize(
+    ("motion", "told"),
+    [
+        (UNKNOWN, "Nobody knew the wind on orbit 1"),
+        (UNMODELLED, "In brackets: figures of still air, which do not hold on orbit 1"),
+    ],
+)
+def test_text_of_the_summary_marks_figures_of_still_air(core_replay, motion, told):
+    (orbit,) = core_replay[1]["orbits"]
+    text = summary_text(
+        core_replay[1] | {"wall_s": 1.0, "orbits": [orbit | {"end_mass_motion": motion}]}
+    )
+    assert told in text
+    row = next(line for line in text.splitlines() if line.startswith("    1  "))
+    assert (f"({orbit['end_mass_radius_m']:.2f})" in row) == (motion == UNMODELLED)
+
+
+@pytest.fixture(scope="module")
+def windy(tmp_path_factory):
+    """Predictions, tables and summary of a turn in a wind of 3 m/s from the west."""
+    configuration = replace(
+        load_configuration("small_drone"), wind=SetWind(speed=3.0, from_direction=270.0)
+    )
+    predictor = Predictor(configuration, with_twin=False)
+    summary, folder = Summary(predictor), tmp_path_factory.mktemp("windy")
+    tables, predictions = ReplayTables(folder), []
+    for sample in samples_of(orbiting(radius=70.0, turns=1.4, wind=(3.0, 0.0))):
+        predictions.append(predictor.update(sample))
+        summary.add(predictions[-1])
+        tables.add(prediction_record(predictions[-1]))
+    tables.close()
+    return predictions, folder, summary.finish()
+
+
+def test_summary_and_pictures_of_a_windy_flight_have_the_path_of_the_end_mass_in_wind(windy):
+    predictions, folder, summary = windy
+    (orbit,) = summary["orbits"]
+    assert orbit["end_mass_motion"] == IN_WIND
+    assert orbit["wind_unmodelled_share"] < 0.1
+    newest = [p for p in predictions if p.pose_holds][-1]
+    path = newest.end_mass.in_wind.path - newest.orbit.center
+    loop = np.array(orbit["end_mass_loop_m"])
+    # The summary's is at most 5 s older: the same loop, begun elsewhere.
+    apart = np.linalg.norm(loop[:, None] - path[None, :, :2], axis=2)
+    assert apart.min(axis=1).max() < 0.06 * 70.0
+    mean = path.mean(axis=0)
+    assert np.hypot(*mean[:2]) > 10.0
+    assert orbit["end_mass_east_m"] == pytest.approx(orbit["end_mass_downwind_m"], abs=0.01)
+    assert orbit["end_mass_north_m"] == pytest.approx(orbit["end_mass_crosswind_m"], abs=0.01)
+    assert [orbit["end_mass_east_m"], orbit["end_mass_north_m"]] == pytest.approx(
+        mean[:2], abs=2.0
+    )
+    assert orbit["end_mass_greatest_depth_m"] == pytest.approx(-path[:, 2].min(), abs=2.0)
+
+    table, samples = plots._read(folder / PREDICTIONS), plots._read(folder / SAMPLES)
+    axes = plots.track_figure(table, samples, summary["orbits"]).axes[0]
+    circle, drawn = axes.lines[-2:]
+    center = [np.mean(line.get_xydata()[:-1], axis=0) for line in (circle, drawn)]
+    assert center[1] - center[0] == pytest.approx(loop.mean(axis=0), abs=1.5)
+    distance = plots.end_mass_figure(table, samples).axes[0].lines[-1].get_ydata()
+    off = np.hypot(*(newest.end_mass.position - newest.orbit.center)[:2])
+    assert distance[-1] == pytest.approx(off)
+
+
+def test_pictures_set_apart_what_does_not_hold_and_what_holds_without_wind(windy):
+    _, folder, summary = windy
+    table, samples = plots._read(folder / PREDICTIONS), plots._read(folder / SAMPLES)
+    half = len(table["time_s"]) // 2
+    table["pose_holds"][:half] = ["False"] * half
+    table["wind_source"][half:] = [""] * (len(table["time_s"]) - half)
+    for figure in (
+        plots.track_figure(table, samples, summary["orbits"]),
+        plots.end_mass_figure(table, samples),
+    ):
+        shown = {line.get_label(): line for line in figure.axes[0].lines}
+        (wrong,) = [line for label, line in shown.items() if "not for the wind" in label]
+        (guessed,) = [line for label, line in shown.items() if "without wind" in label]
+        assert np.isfinite(wrong.get_ydata()).sum() == half
+        assert np.isfinite(guessed.get_ydata()).sum() == len(table["time_s"]) - half
+        assert not [line for line in shown.values() if line.get_color() == plots.MASS]
 
 
 def test_summary_of_the_real_flight_has_the_end_mass_downwind_of_its_circle():
@@ -470,7 +566,10 @@ def test_jumps_by_radius_alone_are_drawn_and_none_is_said_to_be_none_of_either(t
 def test_what_is_predicted_before_the_end_mass_has_settled_is_drawn_fainter(tmp_path):
     rows = [
         {"time_s": t, "end_mass_radius_m": 30.0 + 0.01 * (t % 2), "end_mass_depth_m": 100.0,
-         "end_mass_height_above_home_m": 50.0 + 0.1 * (t % 2), "settled": t > 40}
+         "end_mass_height_above_home_m": 50.0 + 0.1 * (t % 2), "settled": t > 40,
+         "pose_holds": True, "wind_source": "flight", "orbit_center_east_m": 5.0,
+         "orbit_center_north_m": 0.0, "orbit_center_up_m": 160.0, "end_mass_east_m": 35.0,
+         "end_mass_north_m": 0.01 * (t % 2), "end_mass_up_m": 60.0}
         for t in range(100)
     ]  # fmt: skip
     predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)

@@ -147,7 +147,8 @@ def _state(parameters, number: int | None):
     found = steady_states(parameters)
     count = len(found.states)
     if number is not None and not 1 <= number <= max(count, 1):
-        raise InputError(f"--state: {number} is not allowed, there are {count} steady states")
+        told = "is 1 steady state" if count == 1 else f"are {count} steady states"
+        raise InputError(f"--state: {number} is not allowed, there {told}")
     if count == 0:
         return None, f"no steady state in still air: {found.reason}"
     if number is not None or count == 1:

@@ -7,10 +7,12 @@ while. The flight's own clock tells the while, so that a flight replayed fast is
 
 import time
 from collections.abc import Callable
+from math import atan2, degrees, hypot, isfinite
 
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import Prediction
 from ctcbs_ros.prediction.record import sense_name
+from ctcbs_ros.prediction.wind_choice import described
 from ctcbs_ros.prediction.wind_reasons import STILL_SOLVED, kind_of_reason
 from ctcbs_ros.replay.text import SENSES
 
@@ -20,6 +22,9 @@ OVER = 5.0
 # Time for which trouble with a link has to last, and between two lines about it [s].
 TROUBLE = 1.5
 LINK_LINES = 5.0
+_COMPASS = (
+    "north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west",
+)  # fmt: skip
 # Told as events, which end by themselves; and NOT_ORBITING as the orbit that was left.
 EVENTS = (WarningCode.JUMPED, WarningCode.STALE_TELEMETRY)
 # Of what is flown: over, without saying so, where the orbit is left.
@@ -45,6 +50,8 @@ class Journal:
         self._orbit_at: float | None = None
         # Kind of the reason why the wind is not modelled; None where that does not stand.
         self._because: str | None = None
+        # Whether it was told where the end mass is on it: in wind that takes a while.
+        self._end_mass_told = False
         # Vehicle clock of each warning that stands: its first time and its newest.
         self._standing: dict[WarningCode, tuple[float, float]] = {}
         self._flight: int | None = None
@@ -111,6 +118,10 @@ class Journal:
         if prediction.orbit is not None:
             if self._orbit_at is None:
                 self._logger.info(_orbit_told(prediction))
+                self._end_mass_told = _is_known(prediction)
+            elif not self._end_mass_told and _is_known(prediction):
+                self._logger.info(_end_mass_told(prediction))
+                self._end_mass_told = True
             self._orbit_at = prediction.time
         elif self._orbit_at is not None and prediction.time - self._orbit_at > LEFT:
             self._orbit_at = None
@@ -157,15 +168,44 @@ class Journal:
         self._link_told, self._link_told_at = kind, now
 
 
+def _is_known(prediction: Prediction) -> bool:
+    """Whether there is an end mass to tell of, in a wind or its absence that is known."""
+    return prediction.pose_holds and prediction.wind is not None
+
+
 def _orbit_told(prediction: Prediction) -> str:
-    orbit, end_mass = prediction.orbit, prediction.end_mass
+    orbit = prediction.orbit
     text = (
         f"orbit: radius {orbit.radius:.1f} m, {orbit.speed:.1f} m/s over the ground, "
         f"{SENSES[sense_name(orbit.sense)]}"
     )
-    if end_mass is None:
+    if prediction.end_mass is None:
         return f"{text}; no prediction"
+    return f"{text}; {_end_mass_told(prediction)}"
+
+
+def _end_mass_told(prediction: Prediction) -> str:
+    """Where the end mass goes: in wind about which place, otherwise on which circle."""
+    end_mass, wind = prediction.end_mass, prediction.wind
+    settled = f"once settled ({end_mass.settling_time:.0f} s)"
+    circle = f"on a circle of {end_mass.state.radius:.1f} m, {end_mass.state.depth:.1f} m below"
+    if not end_mass.holds:
+        return f"end mass not predicted in this wind; in still air {circle}, {settled}"
+    if wind is None:
+        return f"end mass predicted for still air, the wind is not known: {circle}, {settled}"
+    if end_mass.in_wind is None or not wind.speed > wind.sigma:
+        return f"end mass predicted {circle}, {settled}"
+    off = end_mass.circle_center - prediction.orbit.center
+    lowest = end_mass.lowest_height_above_home
     return (
-        f"{text}; end mass predicted on a circle of {end_mass.state.radius:.1f} m, "
-        f"{end_mass.state.depth:.1f} m below, once settled ({end_mass.settling_time:.0f} s)"
+        f"end mass predicted in wind {described(wind)}, about a place "
+        f"{hypot(off[0], off[1]):.1f} m {_bearing(off)} of the circle's centre and "
+        f"{-off[2]:.1f} m below, up to {end_mass.excursion:.1f} m from there, "
+        + (f"lowest {lowest:.1f} m above home or set ground, " if isfinite(lowest) else "")
+        + f"{settled} as in still air"
     )
+
+
+def _bearing(off) -> str:
+    """The point of the compass that an offset towards east and north is nearest to."""
+    return _COMPASS[round(degrees(atan2(off[0], off[1])) / 45.0) % 8]

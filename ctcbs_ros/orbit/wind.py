@@ -81,8 +81,9 @@ class Wind:
 
     @property
     def from_direction(self) -> float:
-        """Where it blows from, clockwise from north [deg], 0 to 360."""
-        return degrees(atan2(-self.velocity[0], -self.velocity[1])) % 360.0
+        """Where it blows from, clockwise from north [deg], from 0 to below 360."""
+        # Rounded first: a hair to the west of north is north, not 360.
+        return round(degrees(atan2(-self.velocity[0], -self.velocity[1])), 6) % 360.0
 
     @property
     def sigma(self) -> float:

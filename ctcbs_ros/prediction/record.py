@@ -91,8 +91,9 @@ def wind_fields(wind: Wind | None) -> Record:
     east, north = np.sqrt(np.diag(wind.covariance))
     return {
         "wind_source": wind.source.value,
-        "wind_east_m_s": finite(wind.velocity[0]),
-        "wind_north_m_s": finite(wind.velocity[1]),
+        # To 1 um/s, as from a bearing what is nought comes to 1e-15.
+        "wind_east_m_s": finite(round(float(wind.velocity[0]), 6)),
+        "wind_north_m_s": finite(round(float(wind.velocity[1]), 6)),
         "wind_east_std_m_s": finite(east),
         "wind_north_std_m_s": finite(north),
         "wind_speed_m_s": finite(wind.speed),

@@ -114,7 +114,7 @@ def user_wind(wind: SetWind) -> Wind | None:
 
 def described(wind: Wind) -> str:
     """Strength of a wind in words, and its direction where it is stronger than its error."""
-    origin = f" from {wind.from_direction:.0f} deg" if wind.speed > wind.sigma else ""
+    origin = f" from {round(wind.from_direction) % 360} deg" if wind.speed > wind.sigma else ""
     return f"{wind.speed:.1f} m/s{origin}"
 
 

@@ -19,17 +19,21 @@ from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import finite, sense_name
 from ctcbs_ros.prediction.tally import Tally
 from ctcbs_ros.prediction.wind_choice import REJECTED
+from ctcbs_ros.replay.motion_kind import IN_WIND, KINDS, motion_kind
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.source import LogSource
 from ctcbs_ros.twin.simulated import Simulated
 
-# Seconds between the end masses remembered for the orbits; a day's flight then takes 0.4 MB.
+# Seconds between the end masses remembered for the orbits; a day's flight then takes 8 MB.
 REMEMBERED_EVERY = 5.0
 _SOURCES = tuple(WindSource)
+# Of the end mass's motion in wind, about the circle's centre.
 _MOTION = (
-    "end_mass_downwind_m", "end_mass_crosswind_m", "end_mass_horizontal_std_m",
-    "end_mass_excursion_m",
+    "end_mass_east_m", "end_mass_north_m", "end_mass_downwind_m", "end_mass_crosswind_m",
+    "end_mass_horizontal_std_m", "end_mass_excursion_m", "end_mass_least_depth_m",
+    "end_mass_greatest_depth_m", "end_mass_lowest_above_home_m",
 )  # fmt: skip
+_LOOP_POINTS = 36
 
 
 class Summary:
@@ -54,8 +58,11 @@ class Summary:
         self._times, self._radii, self._densities = array("d"), array("d"), array("d")
         # Wind of each: speed, where from [deg], nan where not known; its source by number, or -1.
         self._winds, self._directions, self._sources = array("d"), array("d"), array("b")
-        # Where the motion in the wind is, four numbers each (`_MOTION`); nan where not known.
-        self._motions = array("d")
+        # Predictions from each on to the next, and those of them in a wind that is not modelled.
+        self._counts, self._not_modelled = array("l"), array("l")
+        # What each is of (`KINDS`); its motion in the wind (`_MOTION`), nan where there is none,
+        # with its loop seen from above: east and north of the circle's centre.
+        self._kinds, self._motions, self._loops = array("b"), array("d"), array("f")
         # Distance of the simulated end mass from the predicted one; nan unless both are settled.
         self._apart = array("d")
         self._twin: Simulated | None = None
@@ -71,10 +78,12 @@ class Summary:
         while self._times and self._times[-1] > prediction.time:  # of time stamps that were wrong
             for remembered in (
                 self._times, self._radii, self._densities,
-                self._winds, self._directions, self._sources, self._apart,
+                self._winds, self._directions, self._sources, self._apart, self._kinds,
+                self._counts, self._not_modelled,
             ):  # fmt: skip
                 remembered.pop()
             del self._motions[-len(_MOTION) :]
+            del self._loops[-2 * _LOOP_POINTS :]
         self._segments.add(prediction.time, prediction.orbit, prediction.tow_point)
         if prediction.wind is not None and REJECTED in prediction.wind.note:
             self._winds_rejected += 1
@@ -91,8 +100,16 @@ class Summary:
             told = wind is not None and wind.speed > wind.sigma
             self._directions.append(wind.from_direction if told else nan)
             self._sources.append(-1 if wind is None else _SOURCES.index(wind.source))
-            self._motions.extend(_motion(prediction))
+            kind = motion_kind(prediction)
+            self._kinds.append(KINDS.index(kind))
+            self._motions.extend(_motion(prediction, kind))
+            self._loops.extend(_loop(prediction, kind))
             self._apart.append(_apart(prediction))
+            self._counts.append(0)
+            self._not_modelled.append(0)
+        if prediction.valid:
+            self._counts[-1] += 1
+            self._not_modelled[-1] += not prediction.pose_holds
 
     def finish(self) -> dict[str, Any]:
         """The summary, ready for JSON.
@@ -109,10 +126,18 @@ class Summary:
             autopilot, and the newest of the autopilot's in words, and orbits: for each its start
             and end in seconds, turns, radius, speed, sense, centre, and the
             end mass's radius, depth, margin and settling time, which are None where no state was
-            found or none settles, and the wind at its end, None where nobody knew. Of the newest
-            motion in wind: where its mean is from the circle's centre, downwind and across to the
-            left of that, the standard deviation of the end mass in the worst horizontal direction,
-            and how far it goes from the mean [m]; None where there was none. How far the
+            found or none settles, and the wind at its end, None where nobody knew.
+            Radius, depth, margin and settling time are always those of still air.
+            end_mass_motion says what holds: "still air"; "still air, wind not known", if there is
+            none; "still air, wind not modelled": nothing; or "in wind": not radius and depth, but
+            the newest motion. wind_unmodelled_share is the share of the predictions of which
+            nothing holds. Of the newest motion in wind there are: where its mean is from the
+            circle's centre, east and north, downwind and across to the left of that (None in a
+            wind weaker than its error),
+            the standard deviation of the end mass in the worst horizontal direction, how far it
+            goes from the mean, its least and greatest depth and its least height above home [m],
+            and its loop seen from above, east and north of the circle's centre [m]; otherwise
+            they are None. How far the
             simulated end mass was from the predicted one at moments at which both were settled
             (their number, median and greatest distance). flights counts the boots of the vehicle
             that gave believed samples; simulation_begun_anew says why the twin was, and how often,
@@ -144,9 +169,10 @@ class Summary:
         first = bisect_left(self._times, segment.start_time)
         last = bisect_right(self._times, segment.end_time) - 1
         wind = {"wind_speed_m_s": None, "wind_from_deg": None, "wind_source": None}
-        motion = dict.fromkeys(_MOTION)
+        motion = dict.fromkeys(("end_mass_motion", "wind_unmodelled_share", *_MOTION))
+        motion["end_mass_loop_m"] = None
         if last >= first:
-            wind, motion = self._wind(last), self._newest_motion(first, last)
+            wind, motion = self._wind(last), self._motion(first, last)
             state = self._predictor.state_at(
                 segment.radius,
                 segment.speed,
@@ -179,14 +205,26 @@ class Summary:
             "simulated_apart_greatest_m": max(apart) if apart else None,
         }
 
-    def _newest_motion(self, first: int, last: int) -> dict[str, Any]:
-        """The newest motion in wind between two remembered end masses."""
-        size = len(_MOTION)
-        for number in range(last, first - 1, -1):
-            found = self._motions[number * size : (number + 1) * size]
-            if isfinite(found[0]):
-                return dict(zip(_MOTION, found, strict=True))
-        return dict.fromkeys(_MOTION)
+    def _motion(self, first: int, last: int) -> dict[str, Any]:
+        """What the end masses between two remembered ones are of, and the newest in wind."""
+        orbit = slice(first, last + 1)
+        kinds = [KINDS[kind] for kind in self._kinds[orbit]]
+        found = {
+            "end_mass_motion": kinds[-1],
+            "wind_unmodelled_share": sum(self._not_modelled[orbit]) / sum(self._counts[orbit]),
+        }
+        if IN_WIND not in kinds:
+            return found | dict.fromkeys((*_MOTION, "end_mass_loop_m"))
+        newest = last - kinds[::-1].index(IN_WIND)
+        size, points = len(_MOTION), 2 * _LOOP_POINTS
+        motion = self._motions[newest * size : (newest + 1) * size]
+        loop = np.array(self._loops[newest * points : (newest + 1) * points], dtype=float)
+        return {
+            **found,
+            "end_mass_motion": IN_WIND,
+            **{name: finite(value) for name, value in zip(_MOTION, motion, strict=True)},
+            "end_mass_loop_m": loop.round(2).reshape(-1, 2).tolist(),
+        }
 
     def _wind(self, number: int) -> dict[str, Any]:
         """The wind believed at the newest end mass of an orbit."""
@@ -206,15 +244,29 @@ class Summary:
         return center if all(isfinite(value) for value in center) else None
 
 
-def _motion(prediction: Prediction) -> tuple[float, ...]:
-    """The numbers of `_MOTION`; nan in still air, or where nothing is downwind."""
-    end_mass, wind = prediction.end_mass, prediction.wind
-    if end_mass.in_wind is None or wind is None or not wind.speed > wind.sigma:
+def _motion(prediction: Prediction, kind: str) -> tuple[float, ...]:
+    """The numbers of `_MOTION`."""
+    if kind != IN_WIND:
         return (nan,) * len(_MOTION)
-    east, north, _ = end_mass.circle_center - prediction.orbit.center
-    off = complex(east, north) / complex(*wind.velocity) * wind.speed
+    end_mass, wind, center = prediction.end_mass, prediction.wind, prediction.orbit.center
+    east, north, _ = end_mass.circle_center - center
+    off = complex(nan, nan)
+    if wind.speed > wind.sigma:
+        off = complex(east, north) / complex(*wind.velocity) * wind.speed
     spread = sqrt(np.linalg.eigvalsh(end_mass.covariance[:2, :2])[-1])
-    return off.real, off.imag, spread, end_mass.excursion
+    depth = center[2] - end_mass.circle()[:, 2]
+    return (
+        east, north, off.real, off.imag, spread, end_mass.excursion, depth.min(), depth.max(),
+        end_mass.lowest_height_above_home,
+    )  # fmt: skip
+
+
+def _loop(prediction: Prediction, kind: str) -> np.ndarray:
+    """East and north of the circle's centre over a turn, in turn."""
+    if kind != IN_WIND:
+        return np.full(2 * _LOOP_POINTS, nan)
+    path = prediction.end_mass.circle()[:, :2] - prediction.orbit.center[:2]
+    return path[:: len(path) // _LOOP_POINTS].ravel()
 
 
 def _apart(prediction: Prediction) -> float:

@@ -8,6 +8,7 @@ from ctcbs_ros.beacon.reach import LENGTH_HINT, share_out_of_reach
 from ctcbs_ros.orbit.segments import LEAST_TURNS
 from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.warnings import skip_warnings
+from ctcbs_ros.replay.motion_kind import IN_WIND, UNKNOWN, UNMODELLED
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
 SKIPS = {
@@ -77,7 +78,7 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
         )
     yield (
         f"{_counted(summary['samples'], 'sample')}, {skipped} of them skipped; "
-        f"{_counted(summary['predictions'], 'prediction')} in {summary['wall_s']:.1f} s"
+        f"{_counted(summary['predictions'], 'prediction')}; replayed in {summary['wall_s']:.1f} s"
     )
     yield from _link_lines(summary)
     if summary["start"]["vehicle_time_s"] is not None:
@@ -162,15 +163,13 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
     )
     yield (
         "orbit   from s     to s  turns  radius m           m/s  sense          "
-        "radius m  depth m  margin 1/s  settles in s"
+        "radius m   depth m  margin 1/s  settles in s"
     )
     for number, orbit in enumerate(orbits, 1):
         yield (
             f"{number:5}  {orbit['start_s']:7.1f}  {orbit['end_s']:7.1f}  {orbit['turns']:5.2f}  "
             f"{orbit['radius_m']:8.2f}  {orbit['speed_m_s']:12.2f}  {SENSES[orbit['sense']]:13}  "
-            f"{_number(orbit['end_mass_radius_m'], 8, 2)}  "
-            f"{_number(orbit['end_mass_depth_m'], 7, 2)}  {_number(orbit['margin_per_s'], 10, 4)}"
-            f"  {_number(orbit['settling_time_s'], 12, 0)}"
+            f"{_end_mass(orbit)}"
         )
     yield (
         "From, to: where the track came onto the circle and left it, as seen afterwards; "
@@ -185,20 +184,14 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
     for number, orbit in enumerate(orbits, 1):
         if orbit["wind_source"] is not None:
             direction = orbit["wind_from_deg"]
-            origin = "" if direction is None else f" from {direction:.0f} deg"
+            origin = "" if direction is None else f" from {round(direction) % 360} deg"
             yield (
                 f"Wind at the end of orbit {number}: {orbit['wind_speed_m_s']:.1f} m/s{origin}, "
                 f"by the {orbit['wind_source']}"
             )
-        if orbit["end_mass_downwind_m"] is not None:
-            left = orbit["end_mass_crosswind_m"]
-            yield (
-                f"In it the end mass of orbit {number} moves about a place "
-                f"{orbit['end_mass_downwind_m']:.0f} m downwind and {abs(left):.0f} m to the "
-                f"{'left' if left > 0.0 else 'right'} of the circle's centre, up to "
-                f"{orbit['end_mass_excursion_m']:.0f} m from there; +- "
-                f"{orbit['end_mass_horizontal_std_m']:.0f} m (radius, depth and margin: still air)"
-            )
+        if orbit["end_mass_motion"] == IN_WIND:
+            yield f"In it, once settled: end mass of orbit {number} {_in_wind(orbit)}"
+    yield from _motion_lines(orbits)
     for number, orbit in enumerate(orbits, 1):
         if orbit["simulated_moments"]:
             yield (
@@ -209,9 +202,78 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
             )
 
 
+def _end_mass(orbit: dict[str, Any]) -> str:
+    """The columns of the end mass; in brackets where they do not hold."""
+    cells = [
+        (orbit[f"end_mass_{name}_m"], width, 2) for name, width in (("radius", 8), ("depth", 8))
+    ] + [(orbit["margin_per_s"], 10, 4), (orbit["settling_time_s"], 12, 0)]
+    if orbit["end_mass_motion"] == UNMODELLED:
+        return "  ".join(
+            f"({value:.{decimals}f})".rjust(width) if value is not None else "none".rjust(width)
+            for value, width, decimals in cells
+        )
+    told = [_number(*cell) for cell in cells]
+    if orbit["end_mass_motion"] == IN_WIND:
+        told[:2] = ["in wind, see below"]
+    return "  ".join(told)
+
+
+def _in_wind(orbit: dict[str, Any]) -> str:
+    """Where the end mass of an orbit is in its wind."""
+    if orbit["end_mass_downwind_m"] is not None:
+        across = orbit["end_mass_crosswind_m"]
+        place = (
+            f"{_toward(orbit['end_mass_downwind_m'], 'downwind', 'upwind')} and "
+            f"{_toward(across, 'to the left', 'to the right')}"
+        )
+    else:
+        place = (
+            f"{_toward(orbit['end_mass_east_m'], 'east', 'west')} and "
+            f"{_toward(orbit['end_mass_north_m'], 'north', 'south')}"
+        )
+    lowest = orbit["end_mass_lowest_above_home_m"]
+    return (
+        f"about a place {place} of the circle's centre, up to "
+        f"{orbit['end_mass_excursion_m']:.0f} m from there, "
+        f"{orbit['end_mass_least_depth_m']:.0f} to {orbit['end_mass_greatest_depth_m']:.0f} m "
+        "below the circle"
+        + ("" if lowest is None else f", lowest {lowest:.0f} m above home or set ground")
+        + f"; +- {orbit['end_mass_horizontal_std_m']:.0f} m"
+    )
+
+
+def _toward(distance: float, positive: str, negative: str) -> str:
+    return f"{abs(distance):.0f} m {positive if distance >= 0.0 else negative}"
+
+
+def _motion_lines(orbits: list[dict[str, Any]]) -> Iterator[str]:
+    """What holds of the end masses' figures, and what does not."""
+    if any(orbit["end_mass_motion"] == IN_WIND for orbit in orbits):
+        yield "Margins and settling times are those of still air all the same."
+    bad = [n for n, orbit in enumerate(orbits, 1) if orbit["end_mass_motion"] == UNMODELLED]
+    if bad:
+        yield (
+            f"In brackets: figures of still air, which do not hold on {_orbits(bad)}: there is "
+            "wind, and the motion in it is not known."
+        )
+    unknown = [n for n, orbit in enumerate(orbits, 1) if orbit["end_mass_motion"] == UNKNOWN]
+    if unknown:
+        yield (
+            f"Nobody knew the wind on {_orbits(unknown)}: the end mass's figures hold if there "
+            "was none."
+        )
+    for number, orbit in enumerate(orbits, 1):
+        share = orbit["wind_unmodelled_share"] or 0.0
+        if share >= 0.01 and orbit["end_mass_motion"] != UNMODELLED:
+            yield (
+                f"In {share:.0%} of the predictions on orbit {number} the motion in its wind was "
+                "not known, or not yet."
+            )
+
+
 def _settled(orbit: dict[str, Any]) -> bool:
     """Whether an orbit was flown for the settling time; True where no state was found."""
-    if orbit["end_mass_radius_m"] is None:
+    if orbit["margin_per_s"] is None:
         return True
     settling = orbit["settling_time_s"]
     return settling is not None and orbit["end_s"] - orbit["start_s"] >= settling
