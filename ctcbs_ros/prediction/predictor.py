@@ -62,6 +62,8 @@ _LONGEST_GAP = 30.0
 _POOREST_ACCURACY = 1e3
 # Of the orbit, see `orbit.ESTIMATED`.
 _DRIFT = slice(7, 9)
+# East, north, up and yaw of a pose.
+_POSE = np.ix_([0, 1, 2, 5], [0, 1, 2, 5])
 
 
 class Predictor:
@@ -166,6 +168,7 @@ class Predictor:
             end_mass_radius=end_mass.state.radius if end_mass else nan,
             settling_time=end_mass.settling_time if end_mass else inf,
             motion=in_wind.motion if in_wind else None,
+            errors=end_mass.covariance[_POSE] if end_mass else None,
             searching=self._follower.searching,
             at_airspeed=self._at_airspeed,
         )  # fmt: skip

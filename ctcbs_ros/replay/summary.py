@@ -22,7 +22,7 @@ from ctcbs_ros.prediction.wind_choice import REJECTED
 from ctcbs_ros.replay.motion_kind import IN_WIND, KINDS, motion_kind
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.source import LogSource
-from ctcbs_ros.twin.simulated import Simulated
+from ctcbs_ros.twin.simulated import Simulated, TwinState
 
 # Seconds between the end masses remembered for the orbits; a day's flight then takes 8 MB.
 REMEMBERED_EVERY = 5.0
@@ -63,8 +63,9 @@ class Summary:
         # What each is of (`KINDS`); its motion in the wind (`_MOTION`), nan where there is none,
         # with its loop seen from above: east and north of the circle's centre.
         self._kinds, self._motions, self._loops = array("b"), array("d"), array("f")
-        # Distance of the simulated end mass from the predicted one; nan unless both are settled.
-        self._apart = array("d")
+        # Distance of the simulated end mass from the predicted one, that over what is stated of
+        # both, and whether both are settled; nan where either is not known.
+        self._apart, self._apart_stated, self._apart_settled = array("d"), array("d"), array("b")
         self._twin: Simulated | None = None
 
     def add(self, prediction: Prediction) -> None:
@@ -79,7 +80,7 @@ class Summary:
             for remembered in (
                 self._times, self._radii, self._densities,
                 self._winds, self._directions, self._sources, self._apart, self._kinds,
-                self._counts, self._not_modelled,
+                self._counts, self._not_modelled, self._apart_stated, self._apart_settled,
             ):  # fmt: skip
                 remembered.pop()
             del self._motions[-len(_MOTION) :]
@@ -104,7 +105,10 @@ class Summary:
             self._kinds.append(KINDS.index(kind))
             self._motions.extend(_motion(prediction, kind))
             self._loops.extend(_loop(prediction, kind))
-            self._apart.append(_apart(prediction))
+            apart, stated, settled = _apart(prediction)
+            self._apart.append(apart)
+            self._apart_stated.append(stated)
+            self._apart_settled.append(settled)
             self._counts.append(0)
             self._not_modelled.append(0)
         if prediction.valid:
@@ -138,10 +142,11 @@ class Summary:
             goes from the mean, its least and greatest depth and its least height above home [m],
             and its loop seen from above, east and north of the circle's centre [m]; otherwise
             they are None. How far the
-            simulated end mass was from the predicted one at moments at which both were settled
-            (their number, median and greatest distance). flights counts the boots of the vehicle
-            that gave believed samples; simulation_begun_anew says why the twin was, and how often,
-            None where there is none.
+            simulated end mass was from the predicted one at moments at which both were settled,
+            or, where there are none, on the way to it (whether settled, number of moments, median
+            and greatest distance, and the median of that over the joint standard deviation).
+            flights counts the boots of the vehicle that gave believed samples;
+            simulation_begun_anew says why the twin was, and how often, None where there is none.
 
         Notes
         -----
@@ -198,11 +203,17 @@ class Summary:
 
     def _agreement(self, first: int, last: int) -> dict[str, Any]:
         """How far apart simulated and predicted end mass were on an orbit."""
-        apart = [d for d in self._apart[first : last + 1] if isfinite(d)]
+        here = [i for i in range(first, last + 1) if isfinite(self._apart[i])]
+        settled = [i for i in here if self._apart_settled[i]]
+        moments = settled or here
+        apart = [self._apart[i] for i in moments]
+        stated = [self._apart_stated[i] for i in moments]
         return {
+            "simulated_settled": bool(settled) if moments else None,
             "simulated_moments": len(apart),
             "simulated_apart_m": median(apart) if apart else None,
             "simulated_apart_greatest_m": max(apart) if apart else None,
+            "simulated_apart_std": median(stated) if stated else None,
         }
 
     def _motion(self, first: int, last: int) -> dict[str, Any]:
@@ -269,12 +280,19 @@ def _loop(prediction: Prediction, kind: str) -> np.ndarray:
     return path[:: len(path) // _LOOP_POINTS].ravel()
 
 
-def _apart(prediction: Prediction) -> float:
-    """Distance of simulated and predicted end mass [m]; nan unless both are settled."""
+def _apart(prediction: Prediction) -> tuple[float, float, bool]:
+    """Distance of simulated and predicted end mass [m], over their stated errors, both settled.
+
+    Over the errors it is about 1 where they are what they are stated to be: the root mean square
+    along the axes of the joint covariance, as if the two had none of their errors in common.
+    """
     simulated, end_mass = prediction.simulated, prediction.end_mass
-    if simulated is None or not simulated.valid or not end_mass.settled:
-        return nan
-    return float(np.linalg.norm(simulated.position - end_mass.position))
+    if simulated is None or simulated.state is TwinState.WAITING or not end_mass.holds:
+        return nan, nan, False
+    apart = simulated.position - end_mass.position
+    known = simulated.covariance[:3, :3] + end_mass.covariance[:3, :3]
+    stated = sqrt(apart @ np.linalg.solve(known, apart) / 3.0)
+    return float(np.linalg.norm(apart)), stated, simulated.valid and end_mass.settled
 
 
 def source_counts(source: LogSource | LiveSource) -> dict[str, Any]:

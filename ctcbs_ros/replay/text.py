@@ -194,11 +194,13 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
     yield from _motion_lines(orbits)
     for number, orbit in enumerate(orbits, 1):
         if orbit["simulated_moments"]:
+            settled = "both settled" if orbit["simulated_settled"] else "not both settled yet"
             yield (
-                f"Simulated beside predicted end mass on orbit {number}, both settled: "
+                f"Simulated beside predicted end mass on orbit {number}, {settled}: "
                 f"{orbit['simulated_apart_m']:.1f} m apart, "
                 f"{orbit['simulated_apart_greatest_m']:.1f} m at most, at "
-                f"{_counted(orbit['simulated_moments'], 'moment')}"
+                f"{_counted(orbit['simulated_moments'], 'moment')}; "
+                f"{orbit['simulated_apart_std']:.1f} of their joint standard deviation"
             )
 
 

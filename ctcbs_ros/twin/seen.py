@@ -32,6 +32,8 @@ class Seen:
         In which a small disturbance of it decays to 5 % [s].
     motion : PeriodicMotion or None
         What it is in the wind, of a flight nearby; None where that is not known.
+    errors : (4, 4) ndarray or None
+        Covariance of east, north, up and yaw of where the end mass is predicted.
     searching : bool
         Whether that motion is being solved.
     at_airspeed : bool
@@ -46,5 +48,6 @@ class Seen:
     end_mass_radius: float = nan
     settling_time: float = inf
     motion: PeriodicMotion | None = None
+    errors: np.ndarray | None = None
     searching: bool = False
     at_airspeed: bool = True

@@ -19,10 +19,11 @@ from ctcbs_ros.orbit.wind import Wind
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.twin.beginning import behind, on_orbit, settling_time_behind
+from ctcbs_ros.twin.followed import FollowedCable, off_winds
 from ctcbs_ros.twin.look_ahead import LookAhead, Settling
 from ctcbs_ros.twin.seen import Seen
 from ctcbs_ros.twin.simulated import Loss, Simulated, TwinState
-from ctcbs_ros.twin.simulated_cable import SimulatedCable, line_in_si
+from ctcbs_ros.twin.simulated_cable import line_in_si
 from ctcbs_ros.twin.tow_point import TowPoint
 
 # See docs/twin.md.
@@ -46,6 +47,8 @@ _REELED = 0.02
 # Change of air density that makes another line.
 _DENSITY = 1e-3
 _UNKNOWN = 1e6  # variance of the attitude [rad^2]
+# What it begins with on an orbit.
+_PERIODIC, _STILL = "periodic motion", "steady state in still air"
 
 
 class Twin:
@@ -77,9 +80,8 @@ class Twin:
         self._stop()
 
     def _stop(self) -> None:
-        self._cable: SimulatedCable | None = None
-        self._off_wind: list[SimulatedCable] = []
-        self._since, self._valid_from, self._begun_as = nan, inf, ""
+        self._followed: FollowedCable | None = None
+        self._begun_as = ""
         self._ahead: LookAhead | None = None
         self._settling: Settling | None = None
 
@@ -161,9 +163,11 @@ class Twin:
             self._tow = None
             return
         self._note_straight_flight(sample.time)
-        if self._cable is not None and told and self._felt():
+        if self._followed is not None and told and self._felt():
             self._lose(Loss.WIND_FOUND)
-        if self._cable is None:
+        if self._may_begin_better(seen):
+            self._stop()
+        if self._followed is None:
             self._begin(seen)
             return
         if not self._advance(path, wind_before, before):
@@ -200,7 +204,7 @@ class Twin:
         told = np.append(wind.velocity, 0.0)
         first = self._wind_covariance is None
         self._wind_covariance = wind.covariance
-        if first or self._cable is None:
+        if first or self._followed is None:
             self._wind = told
         else:
             part = 1.0 - exp(-(time - self._last_time) / _WIND_TIME)
@@ -226,6 +230,7 @@ class Twin:
 
     def _begin(self, seen: Seen) -> None:
         time, orbit, tow = seen.sample.time, seen.orbit, self._tow
+        errors, off_wind = np.zeros((4, 4)), []
         if orbit is not None and isfinite(seen.end_mass_radius):
             if seen.searching and seen.motion is None:
                 return
@@ -239,38 +244,42 @@ class Twin:
             )  # fmt: skip
             if begun is None:
                 return
-            self._cable = begun.cable
-            self._begun_as = "periodic motion" if begun.periodic else "steady state in still air"
-            self._valid_from = time + seen.settling_time
+            cable, self._begun_as = begun.cable, _PERIODIC if begun.periodic else _STILL
+            errors = seen.errors if begun.periodic else None
+            valid_from = time + seen.settling_time
         elif orbit is None and time - self._straight_since >= _STRAIGHT_TIME:
-            self._cable = behind(
-                self._line, self._segments, tow.position, tow.velocity, self._wind
-            )
-            if self._cable is None:
+            given = self._line, self._segments, tow.position, tow.velocity
+            cable = behind(*given, self._wind)
+            if cable is None:
                 return
+            if self._wind_covariance is not None:
+                off = off_winds(self._wind_covariance)
+                off_wind = [behind(*given, self._wind + o) or cable.copy() for o in off]
             self._begun_as = "straight flight"
-            self._valid_from = time + settling_time_behind(self._line, self._cable, self._wind)
+            valid_from = time + settling_time_behind(self._line, cable, self._wind)
         else:
             return
-        self._since = time
-        self._cable.positions += tow.position - self._cable.positions[-1]
-        if not self._cable.finite:
+        self._followed = FollowedCable(
+            cable, off_wind, time, valid_from, errors, self._cable_length
+        )
+        self._followed.move(tow.position - cable.positions[-1])
+        if not cable.finite:
             self._lose(Loss.NOT_FOLLOWED)
 
     def _advance(self, path, wind_before, line_before) -> bool:
         length = self._cable_length if line_before is None else line_before.length
-        cables = [(self._cable, np.zeros(3))]
-        if self._wind_covariance is None:
-            self._off_wind = []
-        else:
-            if not self._off_wind:
-                self._off_wind = [self._cable.copy() for _ in range(2)]
-            off = np.zeros((2, 3))
-            off[:, :2] = _root(self._wind_covariance).T
-            cables += zip(self._off_wind, off, strict=True)
-        return all(
-            cable.advance(self._line, path, wind_before + off, self._wind + off, length)
-            for cable, off in cables
+        return self._followed.advance(
+            self._line, path, wind_before, self._wind, self._wind_covariance, length
+        )
+
+    def _may_begin_better(self, seen: Seen) -> bool:
+        """Whether the motion in the wind has been found since it began without."""
+        begun = self._followed
+        return (
+            begun is not None
+            and self._begun_as == _STILL
+            and seen.motion is not None
+            and seen.sample.time < begun.valid_from
         )
 
     def _look_ahead(self, interval: float, seen: Seen) -> None:
@@ -286,7 +295,7 @@ class Twin:
         if self._ahead is None or self._ahead.ended:
             try:
                 self._ahead = LookAhead(
-                    time, self._cable, orbit, self._line, self._wind, seen.at_airspeed
+                    time, self._followed.cable, orbit, self._line, self._wind, seen.at_airspeed
                 )
             except InputError:
                 self._ahead = None
@@ -305,7 +314,7 @@ class Twin:
         )
 
     def _lose(self, why: Loss) -> None:
-        if self._cable is not None:
+        if self._followed is not None:
             self._losses[why] += 1
         self._stop()
 
@@ -313,12 +322,14 @@ class Twin:
 
     def _simulated(self, sample: Sample) -> Simulated:
         unknown = np.full(3, nan)
-        cable = self._cable
+        begun = self._followed
+        cable = None if begun is None else begun.cable
+        since, valid_from = (nan, inf) if begun is None else (begun.since, begun.valid_from)
         if cable is None:
             state, position, velocity = TwinState.WAITING, unknown, unknown
             nodes = np.empty((0, 3))
         else:
-            ready = sample.time >= self._valid_from
+            ready = sample.time >= valid_from
             state = TwinState.SYNCHRONISED if ready else TwinState.SETTLING
             position, velocity = cable.positions[0].copy(), cable.velocities[0].copy()
             nodes = cable.positions.copy()
@@ -326,8 +337,8 @@ class Twin:
             time=sample.time,
             stamp_ns=sample.stamp_ns,
             state=state,
-            since=self._since,
-            valid_from=self._valid_from,
+            since=since,
+            valid_from=valid_from,
             begun_as=self._begun_as,
             position=position,
             velocity=velocity,
@@ -342,25 +353,17 @@ class Twin:
         )
 
     def _covariance(self, sample: Sample) -> np.ndarray:
-        """Of the pose: tow point and wind; see `Simulated`."""
+        """Of the pose: tow point, wind and beginning; see `Simulated`."""
         covariance = np.diag(np.full(6, _UNKNOWN))
-        if self._cable is None:
+        if self._followed is None:
             return covariance
         receiver = self._configuration.receiver
         sigma = _stated(sample.horizontal_accuracy, receiver.position_sigma)
         # What is correlated in time no filter takes out of the positions.
         tow = self._tow.variances + receiver.correlated_share * sigma**2
-        known = np.zeros((4, 4))
-        known[:3, :3] = np.diag(tow)
-        speed = max(float(np.hypot(*self._cable.velocities[0, :2])), 1e-3)
-        known[3, 3] = (_stated(sample.speed_accuracy, receiver.velocity_sigma) / speed) ** 2
-        here = atan2(self._cable.velocities[0, 1], self._cable.velocities[0, 0])
-        for other in self._off_wind:
-            turned = atan2(other.velocities[0, 1], other.velocities[0, 0]) - here
-            change = np.append(
-                other.positions[0] - self._cable.positions[0], (turned + pi) % (2.0 * pi) - pi
-            )
-            known += np.outer(change, change)
+        speed = max(float(np.hypot(*self._followed.cable.velocities[0, :2])), 1e-3)
+        turned = _stated(sample.speed_accuracy, receiver.velocity_sigma) / speed
+        known = self._followed.covariance(sample.time) + np.diag([*tow, turned**2])
         covariance[np.ix_([0, 1, 2, 5], [0, 1, 2, 5])] = known
         return covariance
 
@@ -369,8 +372,3 @@ def _stated(sigma: float, otherwise: float) -> float:
     """A stated standard deviation where there is one that can be used."""
     return min(sigma, 1e3) if sigma > 0.0 else otherwise
 
-
-def _root(covariance) -> np.ndarray:
-    """Columns whose outer products add up to a covariance, (2, 2)."""
-    values, axes = np.linalg.eigh(covariance)
-    return axes * np.sqrt(np.maximum(values, 0.0))
