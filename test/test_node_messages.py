@@ -144,7 +144,7 @@ def prediction(**changes):
         covariance=covariance, fold_distance=4.0, geodetic=Geodetic(47.4, 8.5, 650.0, True),
         height_above_home=150.0, circle_center=np.array([1.0, 2.0, 200.0]),
         cable=np.linspace([1.0, 12.0, 200.0], [50.0, 30.0, 300.0], 41), settling_time=30.0,
-        time_on_orbit=40.0,
+        time_on_orbit=40.0, sense=-1,
         nearest_loss="flutter", others=(), jump_in_angular_rate=None, jump_in_speed=None,
         jump_in_radius=None, method="full solve",
     )  # fmt: skip

@@ -78,6 +78,63 @@ def test_yaw_is_the_direction_in_which_the_position_moves(sense, phase):
 
 
 @pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("drift", [(5.0, 0.0), (-3.0, 4.0), (0.5, -0.2)])
+@pytest.mark.parametrize("phase", np.linspace(-pi, pi, 5))
+def test_yaw_on_a_drifting_circle_is_that_of_the_motion_over_the_ground(sense, drift, phase):
+    drift, dt = np.array(drift), 1e-4
+    orbit = replace(orbit_of(sense, phase, radius=50.0, speed=15.0), drift=drift)
+    point, state = solved(orbit)
+    before, after = (
+        pose.end_mass_position(
+            replace(
+                orbit, phase=phase + sense * orbit.angular_rate * t,
+                center=orbit.center + np.append(drift * t, 0.0),
+            ), point, state,
+        )
+        for t in (-dt, dt)
+    )  # fmt: skip
+    east, north, _ = after - before
+    assert wrapped(pose.motion_yaw(orbit, state) - np.arctan2(north, east)) == pytest.approx(
+        0.0, abs=1e-6
+    )
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_covariance_of_the_yaw_on_a_drifting_circle_is_that_of_finite_differences(sense):
+    random = np.random.default_rng(3)
+    deviations = np.array([0.4, 0.3, 0.5, 0.6, 0.001, 0.006, 0.1, 0.05, 0.04])
+    mix = random.normal(size=(9, 9)) / 3.0 + np.eye(9)
+    covariance = deviations[:, None] * (mix @ mix.T) * deviations
+    orbit = replace(orbit_of(sense, 0.9, covariance=covariance), drift=np.array([5.0, -2.0]))
+    point, state = solved(orbit)
+    known = pose.pose_covariance(orbit, point, state)[5, 5]
+
+    def yaw(steps):
+        drawn = replace(
+            orbit, radius=orbit.radius + steps[3], angular_rate=orbit.angular_rate + steps[4],
+            phase=orbit.phase + steps[5], drift=orbit.drift + steps[7:],
+        )  # fmt: skip
+        there = flight_point(DRONE, drawn.radius, drawn.speed, 1.225)
+        return pose.motion_yaw(drawn, correct_state(there.parameters, state.end_mass_radius))
+
+    steps = np.diag(0.02 * deviations)
+    slopes = [wrapped(yaw(s) - yaw(-s)) / (2.0 * s.sum()) for s in steps]
+    assert known == pytest.approx(slopes @ covariance @ slopes, rel=1e-3)
+
+
+def test_a_yaw_that_nobody_knows_leaves_the_place_known():
+    # An end mass that stands over the ground for a moment: the drift undoes its own motion.
+    orbit = orbit_of(covariance=np.diag([0.1, 0.1, 0.2, 0.1, 1e-6, 1e-4, 0.1, 0.01, 0.01]))
+    point, state = solved(orbit)
+    own = orbit.speed * state.end_mass_radius
+    yaw = pose.motion_yaw(orbit, state)
+    drifting = replace(orbit, drift=-(own - 1e-6) * np.array([cos(yaw), sin(yaw)]))
+    still, found = (pose.pose_covariance(o, point, state) for o in (orbit, drifting))
+    assert found[:3, :3] == pytest.approx(still[:3, :3])
+    assert found[5, 5] == pytest.approx(pi**2)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
 @pytest.mark.parametrize("phase", [-2.0, 0.0, 1.1, 3.0])
 def test_the_cable_leads_from_the_end_mass_to_the_tow_point(sense, phase):
     orbit = orbit_of(sense, phase)

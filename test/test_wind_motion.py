@@ -139,6 +139,42 @@ def test_drawn_orbits_and_winds_spread_the_end_mass_as_stated():
     assert calm.covariance[:3, :3].trace() < 0.5 * motion.covariance[:3, :3].trace()
 
 
+@pytest.mark.parametrize("sense", [1, -1])
+def test_yaw_on_a_drifting_circle_is_that_of_the_motion_over_the_ground(sense):
+    name, drift, dt = "small drone", np.array([2.0, -1.0]), 0.01
+    _, radius, speed, wind = FLIGHTS[name]
+    wind = np.array(wind)
+    orbit = replace(orbit_of(radius, speed / radius, sense), drift=drift)
+    follower = WindFollower()
+    motion = updated(follower, name, orbit, wind - drift)
+    before, after = (
+        updated(follower, name, replace(
+            orbit, phase=orbit.phase + sense * orbit.angular_rate * t,
+            center=orbit.center + np.append(drift * t, 0.0),
+        ), wind - drift).position
+        for t in (-dt, dt)
+    )  # fmt: skip
+    east, north, _ = after - before
+    assert np.exp(1j * motion.yaw) == pytest.approx(
+        np.exp(1j * np.arctan2(north, east)), abs=2e-3
+    )
+    # The drift alone not known, by 0.2 m/s: it is in the air past the circle as well.
+    variances = np.diag([0.0] * 7 + [0.04, 0.04])
+    found = updated(follower, name, replace(orbit, covariance=variances), wind - drift, sigma=0.2)
+    exact = updated(
+        follower, name, replace(orbit, covariance=np.zeros((9, 9))), wind - drift, sigma=0.0
+    )
+    slopes = []
+    for step in 0.05 * np.eye(2):
+        low, high = (
+            updated(follower, name, replace(orbit, drift=drift + s), wind - drift - s).yaw
+            for s in (-step, step)
+        )
+        slopes.append((np.exp(1j * (high - low))).imag / 0.1)
+    of_drift = found.covariance[3, 3] - exact.covariance[3, 3]
+    assert of_drift == pytest.approx(0.04 * np.dot(slopes, slopes), rel=0.02)
+
+
 def test_without_wind_it_is_the_steady_state():
     name = "small drone"
     _, radius, speed, _ = FLIGHTS[name]

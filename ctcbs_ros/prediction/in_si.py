@@ -98,6 +98,7 @@ def end_mass_in_si(
         method=tracked.method,
         in_wind=in_wind,
         unmodelled_because=unmodelled_because,
+        sense=orbit.sense,
     )
 
 

@@ -39,9 +39,17 @@ def end_mass_position(orbit: Orbit, point: FlightPoint, state: SteadyState) -> n
 
 
 def motion_yaw(orbit: Orbit, state: SteadyState) -> float:
-    """ENU direction in which the end mass moves [rad], in (-pi, pi]."""
+    """ENU direction in which the end mass moves over the ground [rad], in (-pi, pi]."""
     yaw = end_mass_azimuth(orbit, state) + orbit.sense * 0.5 * pi
+    if orbit.drift.any():
+        yaw = float(np.angle(_velocity(orbit, state)))
     return -((-yaw + pi) % (2.0 * pi) - pi)
+
+
+def _velocity(orbit: Orbit, state: SteadyState) -> complex:
+    """Velocity over the ground, east + i north [m/s]: round the centre, and with its drift."""
+    round_it = orbit.speed * state.end_mass_radius * orbit.sense * 1j
+    return round_it * np.exp(1j * end_mass_azimuth(orbit, state)) + complex(*orbit.drift)
 
 
 def cable_points(orbit: Orbit, point: FlightPoint, state: SteadyState) -> np.ndarray:
@@ -118,6 +126,10 @@ def pose_covariance(
     covariance = _UNKNOWN.copy()
     with np.errstate(all="ignore"):
         known = _in_still_air(orbit, state) if known is None else known.copy()
+        if orbit.drift.any() and known[3, 3] > pi**2:
+            # An end mass that hardly moves over the ground: any direction, at a place known.
+            known[3, :] = known[:, 3] = 0.0
+            known[3, 3] = pi**2
         if landed is not None:
             off = np.empty(4)
             off[:3] = end_mass_position(orbit, point, landed)
@@ -147,10 +159,20 @@ def _in_still_air(orbit: Orbit, state: SteadyState) -> np.ndarray:
         )
 
     # By east, north, up, tow radius [m], angular rate [rad/s] and phase: climb and drift move
-    # nothing at this time.
+    # the end mass nowhere at this time.
     jacobian = np.eye(4, 6)
     jacobian[3, 3] = 0.0
     jacobian[:, 3] = moved(by_radius[0] + x_d, by_radius[1] + depth, by_radius[2] / a)
     jacobian[:, 4] = moved(by_rate[0] * a / rate, by_rate[1] * a / rate, by_rate[2] / rate)
     jacobian[:, 5] = (-radius * s, radius * c, 0.0, 1.0)
-    return jacobian @ orbit.covariance[:6, :6] @ jacobian.T
+    if not orbit.drift.any():
+        return jacobian @ orbit.covariance[:6, :6] @ jacobian.T
+    # The yaw is the direction of the sum of two velocities, see `_velocity`.
+    jacobian = np.hstack([jacobian, np.zeros((4, 3))])
+    round_it, all_told = _velocity(orbit, state) - complex(*orbit.drift), _velocity(orbit, state)
+    changes = 1j * jacobian[3] * round_it
+    changes[3] += round_it * (by_radius[0] + x_d) / radius
+    changes[4] += round_it * (by_rate[0] / x_d + 1.0) / rate
+    changes[7:9] = 1.0, 1j
+    jacobian[3] = np.imag(changes / all_told)
+    return jacobian @ orbit.covariance[:9, :9] @ jacobian.T

@@ -122,7 +122,7 @@ class EndMass:
     position : (3,) ndarray
         East, north, up [m] at the prediction's time.
     yaw : float
-        ENU direction [rad] of its motion.
+        ENU direction [rad] of its motion over the ground.
     covariance : (6, 6) ndarray
         Of (east, north, up, roll, pitch, yaw) in SI units, as in PoseWithCovariance.
     fold_distance : float
@@ -157,6 +157,8 @@ class EndMass:
     unmodelled_because : str
         Why the motion is not known in the wind that there is; then everything here is that of
         still air and does not hold. Empty where it holds, or nobody knows the wind.
+    sense : int
+        Of the orbit, +1 anticlockwise, -1 clockwise.
     """
 
     state: EndMassState
@@ -179,6 +181,7 @@ class EndMass:
     method: str
     in_wind: MotionInWind | None = None
     unmodelled_because: str = ""
+    sense: int = 1
 
     @property
     def holds(self) -> bool:
@@ -217,10 +220,8 @@ class EndMass:
         if self.in_wind is not None:
             return self.in_wind.path
         start = self.position[:2] - self.circle_center[:2]
-        # The motion is at a right angle to the radius, to its left if anticlockwise.
-        left = np.array([-start[1], start[0]])
-        if left @ (np.cos(self.yaw), np.sin(self.yaw)) < 0.0:
-            left = -left
+        # The motion about the centre is to the left of the radius if anticlockwise.
+        left = self.sense * np.array([-start[1], start[0]])
         angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)[:, None]
         ring = np.tile(self.circle_center, (count, 1))
         ring[:, :2] += np.cos(angle) * start + np.sin(angle) * left

@@ -298,17 +298,24 @@ def motion_in_wind(
     times = time + np.linspace(0.0, 2.0 * np.pi, _PATH_POINTS, endpoint=False)
     turn = path.motion(times)[0] + at_times(waves[:, 0], times)
     jacobian = _jacobian(here, orbit, max(flight.wind, _LEAST_WIND), downwind)
-    errors = np.zeros((8, 8))
+    errors = np.zeros((10, 10))
     errors[:6, :6] = orbit.covariance[:6, :6]
-    errors[6:, 6:] = covariance
+    errors[6:8, 6:8] = covariance
+    if orbit.drift.any():  # it is in that of the air past the circle as well
+        errors[:6, 8:] = orbit.covariance[:6, 7:9]
+        errors[8:, :6] = errors[:6, 8:].T
+        errors[:6, 6:8] = -errors[:6, 8:]
+        errors[6:8, :6] = errors[:6, 6:8].T
+        errors[8:, 8:] = orbit.covariance[7:9, 7:9]
+        errors[6:8, 8:] = errors[8:, 6:8] = -errors[8:, 8:]
     off = solved.error(flight)
     with np.errstate(all="ignore"):
         known = jacobian @ errors @ jacobian.T
         known += off**2 * np.diag([orbit.radius**2] * 3 + [1.0])
-    toward = here.velocity
+    toward = _plane(here.velocity, orbit.sense) * np.exp(1j * downwind)
     return MotionInWind(
         position=_in_field(here.position, orbit, downwind),
-        yaw=float(np.angle((toward[0] + 1j * orbit.sense * toward[1]) * np.exp(1j * downwind))),
+        yaw=float(np.angle(toward + complex(*orbit.drift) / orbit.speed)),
         covariance=0.5 * (known + known.T),
         cable=_in_field(cable.T + here.tow_point, orbit, downwind),
         path=_in_field(turn, orbit, downwind),
@@ -342,7 +349,10 @@ class _Instant:
 
 
 def _jacobian(here: _Instant, orbit: Orbit, wind: float, downwind: float) -> np.ndarray:
-    """Of east, north, up and yaw by centre, radius, rate, phase, wind east, north, (4, 8)."""
+    """Of east, north, up and yaw, (4, 10).
+
+    By centre, radius, rate, phase, air past the circle and drift of that, east and north.
+    """
     path, sense = here.path, orbit.sense
     cosine, sine = np.cos(downwind), np.sin(downwind)
     # By radius, rate, phase, wind east, wind north: what each changes,
@@ -373,12 +383,17 @@ def _jacobian(here: _Instant, orbit: Orbit, wind: float, downwind: float) -> np.
     place, moves = (_plane(v, sense) * turn for v in (here.position, here.velocity))
     flat = orbit.radius * (_plane(position, sense) * turn + 1j * turned * place)
     flat[0] += place
-    yaw = turned + np.imag(_plane(velocity, sense) * turn / moves)
+    # Over the ground: the yaw is the direction of the sum of two velocities.
+    drift = complex(*orbit.drift) / orbit.speed
+    changes = _plane(velocity, sense) * turn + 1j * turned * moves
+    changes -= drift * (steps[:, 0] + steps[:, 1])
+    yaw = np.imag(changes / (moves + drift))
     up = orbit.radius * position[:, 2]
     up[0] += here.position[2]
-    jacobian = np.zeros((4, 8))
+    jacobian = np.zeros((4, 10))
     jacobian[:3, :3] = np.eye(3)
-    jacobian[:, 3:] = flat.real, flat.imag, up, yaw
+    jacobian[:, 3:8] = flat.real, flat.imag, up, yaw
+    jacobian[3, 8:] = np.imag(np.array([1.0, 1j]) / orbit.speed / (moves + drift))
     return jacobian
 
 
