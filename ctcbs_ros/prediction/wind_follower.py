@@ -34,6 +34,8 @@ from ctcbs_ros.solver.steady_state import SteadyState
 _ANEW, _USED = 0.02, 0.08
 # Distance from where none was found, from which one is looked for before a quarter turn is over.
 _ELSEWHERE = 0.1
+# Error of a coarse motion [a] from which the cable flown in time is worth its work.
+_POOR = 1e-2
 # Work a sample, in that of `newton.work`: 20 ms of one core.
 _PIECE = 0.6
 
@@ -114,9 +116,7 @@ class WindFollower:
             self._search = self._found_anyhow(flight, scaled, state, orbit.time)
             self._sought, self._refining = flight, False
         elif self._search is None and self._may_be_finer(orbit.time):
-            self._search = finer_motion_search(
-                self._solved, flight, scaled, state, self._storage
-            )
+            self._search = self._found_finer(flight, scaled, state, orbit.time)
             self._sought, self._refining = flight, True
             self._refined_at = orbit.time
         if self._search is not None:
@@ -161,6 +161,16 @@ class WindFollower:
                 flight, scaled, state, before if is_in_time else None
             )
         )
+
+    def _found_finer(self, flight: Flight, scaled: Scaled, state: SteadyState, time: float):
+        """The coarse motion known better; in time where it cannot be and is poor. Yields work."""
+        coarse = self._solved
+        found = yield from finer_motion_search(coarse, flight, scaled, state, self._storage)
+        if isinstance(found, str) and self._in_time and coarse.motion.residual > _POOR:
+            found = yield from motion_in_time_search(flight, scaled, state, None)
+            if not isinstance(found, str):
+                self._failed = _Failed(flight, time)
+        return found
 
     def _is_due(self, flight: Flight, time: float) -> bool:
         if self._solved is not None:
