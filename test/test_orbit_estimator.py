@@ -115,6 +115,43 @@ def test_circle_that_drifts_is_an_orbit_with_its_drift_and_its_radius_in_the_air
     assert error @ np.linalg.solve(orbit.covariance[7:, 7:], error) < 13.8
 
 
+def in_part_taken_along(seed, sense=1, turns=2.4, speed=2.0):
+    """A circle that 6 m/s of wind pass and some more take along; its drift."""
+    drift = speed * np.array([0.6, -0.8])
+    flight = entry(100.0, turns, 25.0, seed, sense, wind=(3.6, -4.8))
+    flight.position[:, :2] += np.outer(flight.time, drift)
+    flight.velocity[:, :2] += drift
+    return flight, drift
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_circle_that_drifts_more_slowly_than_the_wind_is_found_with_its_drift(sense):
+    flight, drift = in_part_taken_along(3, sense)
+    fixes = estimate(flight)
+    samples = zip(fixes, flight.time, flight.angle, strict=True)
+    settled = [(fix.orbit, t) for fix, t, angle in samples if angle > 1.7 * TURN]
+    assert len(settled) > 80
+    for orbit, t in settled:
+        assert orbit.drift == pytest.approx(drift, abs=0.25)
+        assert orbit.radius == pytest.approx(100.0, rel=0.02)
+        assert orbit.center[:2] == pytest.approx(flight.centers[1] + drift * t, abs=3.0)
+
+
+def test_until_its_drift_is_believed_a_circle_is_known_as_if_it_might_drift():
+    errors = []
+    for seed in range(12):
+        flight, drift = in_part_taken_along(seed, turns=1.2, speed=0.5)
+        for fix, t in zip(estimate(flight), flight.time, strict=True):
+            orbit = fix.orbit
+            if orbit is None or np.any(orbit.drift) or not np.isfinite(orbit.covariance).all():
+                continue
+            error = np.array([*(orbit.center[:2] - flight.centers[1] - drift * t), *-drift])
+            covariance = orbit.covariance[np.ix_([0, 1, 7, 8], [0, 1, 7, 8])]
+            errors.append(error @ np.linalg.solve(covariance, error))
+    assert len(errors) > 40
+    assert np.mean(np.array(errors) < 9.49) > 0.9
+
+
 def test_circle_that_stands_still_has_no_drift_and_how_well_that_is_known_once_it_can_be():
     fixes = estimate(entry(80.0, 1.3, 20.0, 10))
     orbits = [fix.orbit for fix in fixes if fix.orbit is not None]

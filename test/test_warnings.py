@@ -371,6 +371,24 @@ def test_a_circle_that_drifts_with_the_air_is_in_still_air(orbit):
     assert "2.5 m/s past a drifting circle" in warning.text
 
 
+def test_before_a_drift_can_be_seen_the_wind_past_the_circle_may_be_all_of_it_or_none():
+    # A third of the square of what is between still air and the motion in all of the wind.
+    told = [replace(s, wind=(0.0, 2.0, 0.0), wind_accuracy=0.05)
+            for s in samples_of(orbiting(turns=1.5))]  # fmt: skip
+    flown = [p for p in predict(told) if p.valid and p.end_mass.in_wind]
+    seen = [bool(np.isfinite(p.orbit.covariance[7, 7])) for p in flown]
+    assert 10 < seen.index(True) < len(seen) - 30
+
+    def share(p):
+        displaced = np.mean(p.end_mass.in_wind.path - p.orbit.center, axis=0)[:2]
+        return displaced @ p.end_mass.covariance[:2, :2] @ displaced / (displaced @ displaced) ** 2
+
+    early = [share(p) for p in flown[: seen.index(True)]]
+    assert np.mean(early) == pytest.approx(1.0 / 3.0, rel=0.4)
+    assert min(early) > 0.1
+    assert share(flown[-1]) < 0.02
+
+
 def test_a_wind_that_is_hardly_known_is_told(orbit):
     unsure = Wind(np.array([0.2, 0.0]), 9.0 * np.eye(2), WindSource.PARAMETER)
     (warning,) = wind_warnings(unsure, orbit)

@@ -6,8 +6,9 @@ shows (`circle_fit.py`, `noise.py`), and is the orbit unless something speaks ag
 is tried. Once enough of a turn is flown to tell, the circle may also drift.
 """
 
+from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import hypot, inf, isfinite, nan, pi, sqrt
 
 import numpy as np
@@ -27,7 +28,7 @@ from ctcbs_ros.orbit.noise import (
     lag_covariance,
 )
 from ctcbs_ros.orbit.objection import Objection, drifts_with_the_air, objection
-from ctcbs_ros.orbit.orbit import Orbit
+from ctcbs_ros.orbit.orbit import ORBIT_STATE, Orbit
 from ctcbs_ros.orbit.settings import TURN, OrbitSettings
 from ctcbs_ros.orbit.window import Samples, SampleWindow
 
@@ -37,6 +38,11 @@ _HEIGHT = np.ix_([2, 6], [2, 6])
 _DRIFT = slice(7, 9)
 # chi^2 of two components above which a drift is believed: by chance once in a hundred turns.
 _SEEN_DRIFT = 9.21
+# A drift lasts if it has changed by less than this share of itself since this part of a turn ago
+# (at least, and at most): that of a spiral, or of a circle converged onto, turns with the window.
+_LASTING, _CHANGED = (0.5, 0.8), 0.4
+# Times a turn at which a drift is remembered for that.
+_DRIFTS_KEPT = 32
 # Angle by which the course has to turn until a circle is tried again after one was refused.
 _TRIED_ANEW = TURN / 64.0
 # Part of a turn after which a circle that stands still is asked again whether it drifts.
@@ -72,6 +78,42 @@ class _Found:
     scatter: Scatter
 
 
+@dataclass(frozen=True)
+class _Unbelieved:
+    """What a drift that was fitted but not believed adds to the covariance of a standing circle.
+
+    None of it is excluded: were the circle to drift, its state would be that of the other fit. So
+    the variance between the two counts, as in an average of models, where it is beyond chance.
+    """
+
+    covariance: np.ndarray = field(repr=False)
+
+    @classmethod
+    def of(cls, standing: Orbit, drifting: Orbit) -> "_Unbelieved":
+        """Of the two orbits of the same samples."""
+        apart = np.zeros(len(ORBIT_STATE))
+        apart[_DRIFT] = drifting.drift
+        if _is_beyond_chance(drifting):
+            apart[:2] = drifting.center[:2] - standing.center[:2]
+            apart[3] = drifting.radius - standing.radius
+            apart[4] = drifting.angular_rate - standing.angular_rate
+            apart[5] = (drifting.phase - standing.phase + pi) % TURN - pi
+        covariance = np.outer(apart, apart)
+        covariance[_DRIFT, _DRIFT] += drifting.covariance[_DRIFT, _DRIFT]
+        return cls(covariance)
+
+    def count_in(self, standing: Orbit) -> None:
+        """Add it."""
+        standing.covariance[_DRIFT, _DRIFT] = 0.0
+        standing.covariance[:] += self.covariance
+
+
+def _is_beyond_chance(orbit: Orbit) -> bool:
+    """Whether the drift of a drifting circle is."""
+    drift = orbit.drift
+    return drift @ np.linalg.solve(orbit.covariance[_DRIFT, _DRIFT], drift) > _SEEN_DRIFT
+
+
 class OrbitEstimator:
     """Sliding-window estimator; samples are added in order of time."""
 
@@ -87,9 +129,11 @@ class OrbitEstimator:
         self._last: _Found | None = None
         # Why the circle tried last was refused, and the course then.
         self._refused, self._refused_at = "", inf
-        # When a drift was last looked for, and what it is known to.
+        # When a drift was last looked for, and what one that was not believed may be worth.
         self._drift_sought = -inf
-        self._drift_covariance: np.ndarray | None = None
+        self._unbelieved: _Unbelieved | None = None
+        # Drifts that were fitted, believed or not, with their times.
+        self._drifts: deque[tuple[float, np.ndarray]] = deque(maxlen=_DRIFTS_KEPT)
         # The newest orbit, and until when one left early makes the next need more evidence [s].
         self._orbit: Orbit | None = None
         self._doubtful_until = -inf
@@ -153,7 +197,7 @@ class OrbitEstimator:
         return self._last.orbit.sense * self._last.orbit.angular_rate
 
     def _none(self, reason: str) -> OrbitFix:
-        self._last = self._drift_covariance = None
+        self._last = self._unbelieved = None
         lost = self._orbit
         if lost is not None and len(self._window):
             turn = TURN / lost.angular_rate
@@ -198,8 +242,15 @@ class OrbitEstimator:
     def _best(self, samples: Samples, may_drift: bool) -> _Found | Objection:
         """The orbit of a circle that stands still, or of one that is seen to drift."""
         standing = self._orbit_of(samples, False)
-        if isinstance(standing, _Found) and self._drift_covariance is not None:
-            standing.orbit.covariance[_DRIFT, _DRIFT] = self._drift_covariance
+        found = self._drifting_instead(standing, samples, may_drift)
+        if found is standing and isinstance(standing, _Found) and self._unbelieved is not None:
+            self._unbelieved.count_in(standing.orbit)
+        return found
+
+    def _drifting_instead(
+        self, standing: _Found | Objection, samples: Samples, may_drift: bool
+    ) -> _Found | Objection:
+        """The circle that drifts, where that is believed, instead of one that stands still."""
         if not may_drift or samples.turned <= self._settings.drift_arc:
             return standing
         if isinstance(standing, _Found) and self._last is not None and not self._last.fit.drifts:
@@ -214,24 +265,32 @@ class OrbitEstimator:
                 return drifting
             return standing
         if self._is_seen_to_drift(drifting, samples):
-            self._drift_covariance = None
+            self._unbelieved = None
             return drifting
         if isinstance(standing, _Found):
-            # What drift would have been seen, and was, but not believed: none of it is excluded.
-            drift = drifting.orbit.drift
-            seen = drifting.orbit.covariance[_DRIFT, _DRIFT] + np.outer(drift, drift)
-            standing.orbit.covariance[_DRIFT, _DRIFT] = self._drift_covariance = seen
+            self._unbelieved = _Unbelieved.of(standing.orbit, drifting.orbit)
         return standing
 
     def _is_seen_to_drift(self, found: _Found, samples: Samples) -> bool:
         orbit = found.orbit
+        lasts = self._lasts(orbit)
         turn = TURN / orbit.angular_rate
         if hypot(*orbit.drift) * turn < self._settings.drift_share * orbit.radius:
             return False
-        covariance = orbit.covariance[_DRIFT, _DRIFT]
-        if orbit.drift @ np.linalg.solve(covariance, orbit.drift) <= _SEEN_DRIFT:
+        if not _is_beyond_chance(orbit):
             return False
-        return drifts_with_the_air(found.fit, samples)
+        return lasts or drifts_with_the_air(found.fit, samples, self._settings)
+
+    def _lasts(self, orbit: Orbit) -> bool:
+        """Whether the drift is that of half a turn ago."""
+        turn = TURN / orbit.angular_rate
+        if not self._drifts or orbit.time - self._drifts[-1][0] > turn / _DRIFTS_KEPT:
+            self._drifts.append((orbit.time, orbit.drift))
+        least, most = _LASTING
+        before = [d for t, d in self._drifts if least * turn <= orbit.time - t <= most * turn]
+        if not before:
+            return False
+        return hypot(*(orbit.drift - before[-1])) < _CHANGED * hypot(*orbit.drift)
 
     def _orbit_of(self, samples: Samples, drifts: bool) -> _Found | Objection:
         s = self._settings
@@ -261,8 +320,7 @@ class OrbitEstimator:
         # the mean; over less it cannot be told from the mean, and the residuals' scatter says so.
         operators = np.zeros((2, len(samples)))
         rate, excess = mean_rate(
-            time, angle, position_sigma / fit.radius, arc > 0.95 * TURN and not drifts,
-            operators[0],
+            time, angle, position_sigma / fit.radius, arc > 0.95 * TURN, operators[0]
         )
         if not rate * sense > 0.0 or abs(rate) * fit.radius < s.minimum_speed:
             return Objection("the angle about the centre does not advance")

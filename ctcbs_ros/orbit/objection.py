@@ -74,14 +74,13 @@ def objection(
     if arc < (settings.drift_arc if fit.drifts else least_arc):
         return Objection(f"only {np.degrees(arc):.0f} deg of a circle so far")
     return (
-        (_speed_varies(fit, samples, settings) if fit.drifts else None)
-        or _changes(fit, arc, widened, flown, settings)
+        _changes(fit, arc, widened, flown, settings)
         or _off_the_circle(fit, angle, sigma, settings)
         or _goes_back(fit, samples, angle, sigma, settings)
     )
 
 
-def drifts_with_the_air(fit: CircleFit, samples: Samples) -> bool:
+def drifts_with_the_air(fit: CircleFit, samples: Samples, settings: OrbitSettings) -> bool:
     """Whether the speed bears a fitted drift out.
 
     A circle that is converged onto fits one that drifts as well. But flown in air that drifts, the
@@ -90,18 +89,15 @@ def drifts_with_the_air(fit: CircleFit, samples: Samples) -> bool:
     """
     known = fit.velocities[np.isfinite(fit.velocities[:, 0])]
     speed = np.hypot(*known.T)
+    most = hypot(
+        settings.speed_share * np.mean(speed), 2.0 * float(np.mean(samples.velocity_sigma))
+    )
+    if len(speed) < 6 or np.std(speed) > most:
+        return False
     design = np.column_stack([np.ones(len(speed)), known / speed[:, None]])
     found, *_ = np.linalg.lstsq(design, speed, rcond=None)
     noise = float(np.mean(samples.velocity_sigma)) * sqrt(2.0 / len(speed))
     return hypot(found[1], found[2]) < max(_SWINGS * hypot(*fit.drift), _UNSEEN * noise)
-
-
-def _speed_varies(fit, samples, settings) -> Objection | None:
-    speed = np.hypot(*fit.velocities[np.isfinite(fit.velocities[:, 0])].T)
-    noise = 2.0 * float(np.mean(samples.velocity_sigma))
-    if len(speed) < 6 or np.std(speed) > hypot(settings.speed_share * np.mean(speed), noise):
-        return Objection("the speed about the drifting centre varies")
-    return None
 
 
 def _changes(fit, arc, widened, flown, settings) -> Objection | None:

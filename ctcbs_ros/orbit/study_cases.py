@@ -50,9 +50,9 @@ class Noise:
     jitter : float
         Irregularity of the sample times, as a share of their interval.
     wind : float
-        In any direction, on a circle held over the ground [m/s].
+        In any direction, past the circle [m/s].
     drift : float
-        In any direction, of a circle that moves with the air [m/s].
+        Of the circle, the same way [m/s]: it moves with the air where no more of that goes past.
     growth : float
         Change of the radius in a turn, over the radius.
     turns : float
@@ -129,6 +129,9 @@ NOISES = {
     ),
     "radius growing 4 % a turn, 1.5 turns": Noise(
         1.5, 0.3, growth=0.04, turns=1.5, coverage=_ANY
+    ),
+    "drift 2 m/s in a wind of 7 m/s, 2 turns": Noise(
+        1.5, 0.3, wind=5.0, drift=2.0, turns=2.0, coverage=_WIDE, **_FINE
     ),
 }
 

@@ -332,8 +332,10 @@ class Predictor:
             return None
         past = wind.velocity - orbit.drift
         covariance, of_drift = wind.covariance, orbit.covariance[_DRIFT, _DRIFT]
-        if np.isfinite(of_drift).all():  # else not sought yet: a circle that stands still
-            covariance = covariance + of_drift
+        if not np.isfinite(of_drift).all():
+            # Not seen yet: anything from a circle that stands still to one that the wind takes.
+            of_drift = np.outer(wind.velocity, wind.velocity) / 3.0
+        covariance = covariance + of_drift
         self._at_airspeed = self._wind_of_turn.holds_airspeed(wind.velocity, self._at_airspeed)
         kind = AIRSPEED if self._at_airspeed else GROUND_SPEED
         return self._follower.update(
