@@ -20,7 +20,8 @@ _OWN, _END = 3 * DEGREE, 3
 
 def bytes_needed(count: int, parts: int) -> int:
     """Memory for the factors of a matrix at a number of times in a number of elements."""
-    return 8 * count**2 * (parts * _OWN * (_OWN + 2 * _END) + (_OWN + _END) ** 2)
+    elements = _OWN * (parts * (_OWN + 2 * _END) - 2 * _END)
+    return 8 * count**2 * (elements + (_OWN + _END) ** 2)
 
 
 class Storage:
