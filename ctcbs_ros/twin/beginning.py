@@ -15,6 +15,7 @@ from ctcbs_ros.periodic.circle import Circle
 from ctcbs_ros.periodic.motion import PeriodicMotion
 from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED
 from ctcbs_ros.scaling import FlightPoint
+from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.steady_state import steady_states
 from ctcbs_ros.twin.simulated_cable import SimulatedCable, elastic
 
@@ -178,7 +179,8 @@ def settling_time_behind(line: Line, cable: SimulatedCable, wind) -> float:
                     rows = slice(3 * n + 3 * i, 3 * n + 3 * i + 3)
                     columns = slice(column + 3 * j, column + 3 * j + 3)
                     matrix[rows, columns] = block[k, i] / mass[i]
-    rates = eigvals(matrix, check_finite=False)
+    with one_blas_thread():
+        rates = eigvals(matrix, check_finite=False)
     slow = rates[np.abs(rates.imag) <= _BAND * (GRAVITY / line.length) ** 0.5]
     growth = float(slow.real.max())
     return log(20.0) / -growth if growth < 0.0 else inf

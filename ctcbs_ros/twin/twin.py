@@ -30,6 +30,8 @@ from ctcbs_ros.twin.tow_point import TowPoint
 SEGMENTS = 24
 # The look-ahead goes so much faster than the samples.
 SPEED_UP = 20.0
+# Turns until it does so again where all has settled, on the orbit and in the wind of the last one.
+_REST = 3.0
 # A gap is flown through along the orbit for this part of a turn, off any orbit for this time [s].
 _COAST, _COAST_STRAIGHT = 0.5, 3.0
 # A sample is not where the path leads from this distance on [m], [standard deviations], and
@@ -307,10 +309,10 @@ class Twin:
             self._ahead = None
 
     def _is_due(self, time: float, orbit: Orbit) -> bool:
-        """Whether to look ahead again: where all has settled, once a turn is often enough."""
+        """Whether to look ahead again: where all has settled, now and then is often enough."""
         settling = self._settling
         return not settling.settles_at <= time or (
-            time - settling.begun >= 2.0 * pi / orbit.angular_rate
+            time - settling.begun >= _REST * 2.0 * pi / orbit.angular_rate
         )
 
     def _lose(self, why: Loss) -> None:
