@@ -65,7 +65,10 @@ def limited(**limits):
 def of_end_mass(end_mass, limits=DRONE.limits, cable=DRONE.cable, **changed):
     """Codes of the warnings about an end mass with some figures changed."""
     state = {k: changed.pop(k) for k in list(changed) if k in vars(end_mass.state)}
-    changed = replace(end_mass, state=replace(end_mass.state, **state), **changed)
+    margin = {k: changed.pop(k) for k in list(changed) if k in vars(end_mass.in_wind.margin)}
+    in_wind = replace(end_mass.in_wind, margin=replace(end_mass.in_wind.margin, **margin))
+    state = replace(end_mass.state, **state)
+    changed = replace(end_mass, state=state, in_wind=in_wind, **changed)
     return {w.code for w in end_mass_warnings(changed, cable, limits)}
 
 
@@ -196,10 +199,10 @@ def test_near_jump_watches_speed_and_radius_whichever_is_nearer(end_mass):
 
 
 def test_unstable_takes_the_place_of_low_margin(end_mass):
-    assert of_end_mass(end_mass, limited(low_margin_per_s=0.05), margin_per_s=0.051) == set()
-    low = of_end_mass(end_mass, limited(low_margin_per_s=0.05), margin_per_s=0.049)
+    assert of_end_mass(end_mass, limited(low_margin_per_s=0.05), per_second=0.051) == set()
+    low = of_end_mass(end_mass, limited(low_margin_per_s=0.05), per_second=0.049)
     assert low == {WarningCode.LOW_MARGIN}
-    unstable = of_end_mass(end_mass, margin_per_s=-0.01, stable=False)
+    unstable = of_end_mass(end_mass, per_second=-0.01)
     assert unstable == {WarningCode.UNSTABLE}
 
 

@@ -62,7 +62,7 @@ def settled(follower, orbit, scaled, state, wind, sigma, kind):
     for _ in range(500):
         covariance = sigma**2 * np.eye(2)
         motion = follower.update(orbit, scaled, state, np.asarray(wind), covariance, kind)
-        idle = 0 if follower.searching else idle + 1
+        idle = 0 if follower.judging else idle + 1
         if idle == 2:  # after a coarse motion a finer one is sought
             return motion
     raise AssertionError("the search does not end")

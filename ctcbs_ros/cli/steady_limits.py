@@ -2,7 +2,7 @@
 
 from ctcbs_ros.configuration import Configuration
 from ctcbs_ros.prediction.codes import Warning
-from ctcbs_ros.prediction.in_si import jump_in_si, state_in_si
+from ctcbs_ros.prediction.in_si import jump_in_si, state_in_si, still_air_margin
 from ctcbs_ros.prediction.jumps import JumpFinder
 from ctcbs_ros.prediction.warnings import (
     envelope_warnings,
@@ -42,7 +42,7 @@ def state_warnings(
     in_radius = jump_in_si(jumps["radius"], flight.radius, flight)
     height = altitude - in_si.depth - limits.ground_level_amsl
     return [
-        *stability_warnings(in_si, stability.nearest_loss, limits),
+        *stability_warnings(still_air_margin(in_si, stability), limits),
         *jump_warnings(in_speed, in_radius, limits),
         *tension_warnings(in_si.greatest_tension, configuration.cable, limits),
         *ground_warnings(height, limits),

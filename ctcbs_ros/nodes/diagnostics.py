@@ -1,7 +1,7 @@
 """The state of telemetry, orbit and prediction as diagnostics: every figure and every warning."""
 
 from collections.abc import Iterable
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -137,6 +137,8 @@ def _settling(end_mass: EndMass) -> str:
     if end_mass.settled:
         return "valid, settled"
     flown = f"{end_mass.time_on_orbit:.0f} s on this orbit"
+    if isnan(end_mass.settling_time):
+        return f"valid, when it settles in this wind is {end_mass.margin.of.value}: {flown}"
     if not isfinite(end_mass.settling_time):
         return f"valid, but nothing settles: {flown}"
     return f"valid, still settling: {flown} of {end_mass.settling_time:.0f} s"

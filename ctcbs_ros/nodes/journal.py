@@ -7,7 +7,7 @@ while. The flight's own clock tells the while, so that a flight replayed fast is
 
 import time
 from collections.abc import Callable
-from math import atan2, degrees, hypot, isfinite
+from math import atan2, degrees, hypot, isfinite, isnan
 
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import Prediction
@@ -187,7 +187,10 @@ def _orbit_told(prediction: Prediction) -> str:
 def _end_mass_told(prediction: Prediction) -> str:
     """Where the end mass goes: in wind about which place, otherwise on which circle."""
     end_mass, wind = prediction.end_mass, prediction.wind
-    settled = f"once settled ({end_mass.settling_time:.0f} s)"
+    time = f"{end_mass.settling_time:.0f} s"
+    if isnan(end_mass.settling_time):
+        time = f"when is {end_mass.margin.of.value}"
+    settled = f"once settled ({time})"
     circle = f"on a circle of {end_mass.state.radius:.1f} m, {end_mass.state.depth:.1f} m below"
     if not end_mass.holds:
         return f"end mass not predicted in this wind; in still air {circle}, {settled}"
@@ -202,7 +205,7 @@ def _end_mass_told(prediction: Prediction) -> str:
         f"{hypot(off[0], off[1]):.1f} m {_bearing(off)} of the circle's centre and "
         f"{-off[2]:.1f} m below, up to {end_mass.excursion:.1f} m from there, "
         + (f"lowest {lowest:.1f} m above home or set ground, " if isfinite(lowest) else "")
-        + f"{settled} as in still air"
+        + settled
     )
 
 

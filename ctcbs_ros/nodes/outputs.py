@@ -192,7 +192,7 @@ class Outputs:
 
     def _publish_margins(self, prediction: Prediction) -> None:
         end_mass = prediction.end_mass
-        self._margin.publish(Float64(data=end_mass.state.margin_per_s))
+        self._margin.publish(Float64(data=end_mass.margin.per_second))
         self._jump_margin.publish(Float64(data=end_mass.jump_margin))
 
     def _publish_datum(self, prediction: Prediction, datum: Datum | None) -> None:

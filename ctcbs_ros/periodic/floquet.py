@@ -4,22 +4,30 @@ The linearised motion is integrated over one turn in the rotating frame, where w
 matrix is constant and the exponents are the eigenvalues of `ctcbs_ros.solver.stability`.
 """
 
+from collections.abc import Generator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 
 from ctcbs_ros.kernels.galerkin import basis
 from ctcbs_ros.periodic.elements import at_arc_lengths
 from ctcbs_ros.periodic.forces import end_drag, forces
-from ctcbs_ros.periodic.fourier import at_times, fourier
+from ctcbs_ros.periodic.fourier import at_times, fourier, times
 from ctcbs_ros.periodic.motion import PeriodicMotion
+from ctcbs_ros.pieces import drained
 from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.stability import ABSOLUTE, FUNCTIONS, RELATIVE
 
 # Steps a turn of the integration, doubled until the growth rate is converged.
 _STEPS = (16, 32, 64, 128, 256)
+# Work of a step's map and of the modes of a turn, in that of `newton.work`, with a hundred
+# functions a coordinate: it goes by the cube.
+_STEP_WORK, _MODES_WORK = 14.0, 60.0
+# Work of the steps done at once, at most: by themselves they are short.
+_AT_ONCE = 0.2
 # k x r turns (x, y, z) into (-y, x, 0).
 _SPIN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
@@ -40,6 +48,8 @@ class Floquet:
         Functions a coordinate.
     converged : bool
         Whether it is within 1 % of that with fewer functions, and with twice as many steps.
+    diverges : bool
+        Whether a disturbance in that mode keeps its sign from turn to turn.
     """
 
     growth_rate: float
@@ -47,6 +57,7 @@ class Floquet:
     band: float
     functions: int
     converged: bool
+    diverges: bool = False
 
     @property
     def stable(self) -> bool:
@@ -78,40 +89,65 @@ def floquet(motion: PeriodicMotion, functions: int = FUNCTIONS[0], band: float |
     e^(i Im(lambda) t) times a constant, and the frequency |Im(lambda)|; with wind it changes
     continuously, also where two exponents meet on the real axis or half way between its copies.
     """
+    with one_blas_thread():
+        return drained(floquet_search(motion, functions, band))
+
+
+def floquet_search(
+    motion: PeriodicMotion, functions: int = FUNCTIONS[0], band: float | None = None,
+    most_functions: int = FUNCTIONS[-1], most_steps: int = _STEPS[-1],
+) -> Generator[float, None, Floquet]:
+    """As `floquet`, piece by piece and with no more than so many functions and steps.
+
+    Yields the work of each piece in the unit of `ctcbs_ros.periodic.newton.work`.
+    """  # fmt: skip
     band = motion.parameters.band if band is None else band
     fewer = [n for n in FUNCTIONS if n < functions]
-    counts = [*fewer[-1:], functions, *(n for n in FUNCTIONS if n > functions)]
+    counts = [*fewer[-1:], functions]
+    counts += [n for n in FUNCTIONS if functions < n <= most_functions]
+    allowed = [steps for steps in _STEPS if steps <= most_steps]
     before, steps = None, 0
-    with one_blas_thread():
-        for n in counts:
-            found, steps, good = _converged_steps(motion, n, band, steps)
-            if before is not None and n >= functions and _agree(before, found[0]):
-                return Floquet(*found, band, n, good)
-            before = found[0]
-    return Floquet(*found, band, n, False)
+    for n in counts:
+        found, steps, good = yield from _converged_steps(motion, n, band, allowed, steps)
+        if before is not None and n >= functions and _agree(before, found.growth_rate):
+            return Floquet(found.growth_rate, found.frequency, band, n, good, found.diverges)
+        before = found.growth_rate
+    return Floquet(found.growth_rate, found.frequency, band, n, False, found.diverges)
 
 
 def _agree(before: float, growth: float) -> bool:
     return abs(growth - before) <= max(RELATIVE * abs(growth), ABSOLUTE)
 
 
-def _converged_steps(motion, n: int, band: float, first: int):
-    """Growth rate and frequency, the index of the steps needed, and whether they sufficed."""
-    before = _least_damped(motion, n, band, _STEPS[first])
-    for i in range(first + 1, len(_STEPS)):
-        found = _least_damped(motion, n, band, _STEPS[i])
-        if _agree(before[0], found[0]):
+def _converged_steps(motion, n: int, band: float, allowed: list[int], first: int):
+    """The least damped mode, the index of the steps needed, and whether they sufficed."""
+    before = yield from least_damped_search(motion, n, band, allowed[first])
+    for i in range(first + 1, len(allowed)):
+        found = yield from least_damped_search(motion, n, band, allowed[i])
+        if _agree(before.growth_rate, found.growth_rate):
             return found, i - 1, True
         before = found
-    return before, len(_STEPS) - 1, False
+    return before, len(allowed) - 1, False
 
 
-def _least_damped(motion, n: int, band: float, steps: int) -> tuple[float, float]:
-    exponents, frequencies = exponents_and_frequencies(motion, n, steps)
+class Mode(NamedTuple):
+    """Growth rate and frequency of a mode, and whether it keeps its sign from turn to turn."""
+
+    growth_rate: float
+    frequency: float
+    diverges: bool
+
+
+def least_damped_search(
+    motion: PeriodicMotion, n: int, band: float, steps: int, smooth: bool = False
+) -> Generator[float, None, Mode]:
+    """The least damped mode in the band, piece by piece; see `exponents_search`."""
+    exponents, frequencies = yield from exponents_search(motion, n, steps, smooth)
     # On a slow orbit even the pendulum may swing faster than the band: then it is what counts.
     inside = np.flatnonzero(frequencies <= max(band, frequencies.min() * (1.0 + 1e-9)))
     worst = inside[np.argmax(exponents[inside].real)]
-    return float(exponents[worst].real), float(frequencies[worst])
+    exponent = exponents[worst]
+    return Mode(float(exponent.real), float(frequencies[worst]), bool(exponent.imag == 0.0))
 
 
 def exponents_and_frequencies(motion: PeriodicMotion, n: int, steps: int):
@@ -126,11 +162,30 @@ def exponents_and_frequencies(motion: PeriodicMotion, n: int, steps: int):
         Of the integration over a turn, by Radau's method of order 5. It damps what is too fast for
         the steps, as a method without damping at infinity would not: that would show as growth.
     """
-    maps = _step_maps(motion, n, steps)
-    turn = np.eye(6 * n)
-    for step in maps:
-        turn = step @ turn
+    return drained(exponents_search(motion, n, steps))
+
+
+def exponents_search(
+    motion: PeriodicMotion, n: int, steps: int, smooth: bool = False
+) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
+    """As `exponents_and_frequencies`, piece by piece.
+
+    Between the times at which the motion was solved it is what its orders make it, or, where
+    `smooth` is wanted, the forces' derivatives are what their own orders make them. What the two
+    differ by is what the motion is not known well enough for.
+    """
+    maps, turn = [], np.eye(6 * n)
+    share = (n / 100.0) ** 3
+    at_once = max(1, int(_AT_ONCE / (_STEP_WORK * share)))
+    linearised = _smoothed(motion, n) if smooth else partial(_linearised, motion, n)
+    for first in range(0, steps, at_once):
+        some = _step_maps(linearised, n, steps, range(first, min(first + at_once, steps)))
+        for step in some:
+            turn = step @ turn
+        maps += some
+        yield _STEP_WORK * share * len(some)
     multipliers, modes = np.linalg.eig(turn)
+    yield _MODES_WORK * share
     exponents = np.log(np.maximum(np.abs(multipliers), 1e-300)) + 1j * np.angle(multipliers)
     exponents = exponents / (2.0 * pi)
     growth = exponents.real
@@ -145,15 +200,15 @@ def exponents_and_frequencies(motion: PeriodicMotion, n: int, steps: int):
     return exponents, np.sqrt(fast / np.maximum(size, 1e-300))
 
 
-def _step_maps(motion: PeriodicMotion, n: int, steps: int) -> list[np.ndarray]:
-    """What each step makes of place and rate in the rotating frame, (6 n, 6 n)."""
+def _step_maps(linearised, n: int, steps: int, some) -> list[np.ndarray]:
+    """What some of so many steps make of place and rate in the rotating frame, (6 n, 6 n) each."""
     a, nodes = _radau(3)
     h = 2.0 * pi / steps
-    when = h * (np.arange(steps)[:, None] + nodes)
-    damping, stiffness = _linearised(motion, n, when.ravel())
+    when = h * (np.array(some)[:, None] + nodes)
+    damping, stiffness = linearised(when.ravel())
     p, s = 3 * n, nodes.size
-    damping = damping.reshape(steps, s, p, p)
-    stiffness = stiffness.reshape(steps, s, p, p)
+    damping = damping.reshape(len(some), s, p, p)
+    stiffness = stiffness.reshape(len(some), s, p, p)
     twice = a @ a
     maps = []
     for c, k in zip(damping, stiffness, strict=True):
@@ -170,6 +225,12 @@ def _step_maps(motion: PeriodicMotion, n: int, steps: int) -> list[np.ndarray]:
         step[p:] += h * np.tensordot(a[-1], pushed, 1)
         maps.append(step)
     return maps
+
+
+def _smoothed(motion: PeriodicMotion, n: int):
+    """`_linearised` as the orders of its values at the motion's own times have it."""
+    waves = [fourier(m) for m in _linearised(motion, n, times(motion.values.shape[0]))]
+    return lambda when: [at_times(wave, when) for wave in waves]
 
 
 def _linearised(motion: PeriodicMotion, n: int, when):

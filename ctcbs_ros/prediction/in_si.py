@@ -1,7 +1,7 @@
 """The tracked state described in SI units and in the local frame: what a prediction publishes."""
 
 from dataclasses import replace
-from math import inf, isfinite, log
+from math import isfinite
 
 import numpy as np
 
@@ -14,14 +14,13 @@ from ctcbs_ros.prediction.prediction import (
     EndMassState,
     Geodetic,
     Jump,
+    Margin,
+    MarginOf,
     MotionInWind,
 )
 from ctcbs_ros.scaling import FlightPoint
 from ctcbs_ros.solver.stability import Stability
 from ctcbs_ros.solver.steady_state import SteadyState
-
-# A disturbance has settled when it has decayed to 5 %.
-_SETTLED = log(20.0)
 
 
 def end_mass_in_si(
@@ -67,6 +66,9 @@ def end_mass_in_si(
     in_radius = jump_in_si(outlook.in_radius, point.radius, point)
     distance = pose.fold_distance(orbit, in_angular_rate, in_radius)
     landed = _landed(point, tracked, in_angular_rate or in_radius)
+    margin = still_air_margin(state, outlook.stability) if in_wind is None else in_wind.margin
+    if unmodelled_because:
+        margin = Margin(MarginOf.NOT_KNOWN)
     if in_wind is None:
         yaw, known = pose.motion_yaw(orbit, tracked.state), None
         center = orbit.center - np.array([0.0, 0.0, state.depth])
@@ -85,9 +87,9 @@ def end_mass_in_si(
         height_above_home=float(position[2] - ground_up),
         circle_center=center,
         cable=cable,
-        settling_time=settling_time(state),
+        settling_time=margin.settling_time,
         time_on_orbit=time_on_orbit,
-        nearest_loss=outlook.stability.nearest_loss,
+        nearest_loss=margin.nearest_loss,
         others=tuple(
             state_in_si(point, other, stability)
             for other, stability in zip(tracked.others, outlook.of_others, strict=True)
@@ -102,9 +104,17 @@ def end_mass_in_si(
     )
 
 
+def still_air_margin(state: EndMassState, stability: Stability) -> Margin:
+    """How stable a steady state in still air is."""
+    return Margin(
+        MarginOf.STILL_AIR, state.margin, state.margin_per_s, state.frequency_per_s,
+        stability.nearest_loss,
+    )  # fmt: skip
+
+
 def settling_time(state: EndMassState) -> float:
-    """Seconds until a small disturbance has decayed to 5 %; inf if it does not."""
-    return _SETTLED / state.margin_per_s if state.margin_per_s > 0.0 else inf
+    """Of a state in still air, see `Margin.settling_time`."""
+    return Margin(MarginOf.STILL_AIR, per_second=state.margin_per_s).settling_time
 
 
 def state_in_si(point: FlightPoint, state: SteadyState, stability: Stability) -> EndMassState:

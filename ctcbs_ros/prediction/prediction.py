@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import Enum
+from math import inf, log, nan
 
 import numpy as np
 
@@ -73,6 +74,59 @@ class MotionSource(Enum):
     IN_TIME = "time-domain"  # the cable flown in time until its turns are the same
 
 
+class MarginOf(Enum):
+    """Whose stability a prediction tells."""
+
+    STILL_AIR = "still air"
+    WIND = "wind"
+    NOT_YET = "not known yet"
+    NOT_KNOWN = "not known"
+
+
+# A disturbance has settled when it has decayed to 5 %.
+_SETTLED = log(20.0)
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How stable the end mass's motion is; all is nan or None where that is not known.
+
+    Attributes
+    ----------
+    of : MarginOf
+        Still air is a circle's in no wind, `EndMass.state`'s.
+    per_radian, per_second : float
+        Decay rate of the least damped mode, per radian of orbit and per second.
+    frequency : float
+        Of that mode, in the rotating frame [rad/s].
+    nearest_loss : str or None
+        "divergence" or "flutter": the way in which it would lose stability.
+    """
+
+    of: MarginOf
+    per_radian: float = nan
+    per_second: float = nan
+    frequency: float = nan
+    nearest_loss: str | None = None
+
+    @property
+    def known(self) -> bool:
+        """Whether it says anything."""
+        return self.of in (MarginOf.STILL_AIR, MarginOf.WIND)
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether every small disturbance in the band decays; None where that is not known."""
+        return self.per_second > 0.0 if self.known else None
+
+    @property
+    def settling_time(self) -> float:
+        """Seconds until a small disturbance has decayed to 5 %; inf if it does not."""
+        if not self.known:
+            return nan
+        return _SETTLED / self.per_second if self.per_second > 0.0 else inf
+
+
 @dataclass(frozen=True)
 class MotionInWind:
     """Where the end mass is on a circle in a steady wind, once settled.
@@ -92,6 +146,8 @@ class MotionInWind:
     motion : PeriodicMotion
         As it was solved, for a flight nearby.
     source : MotionSource
+    margin : Margin
+        How stable it is.
     """
 
     position: np.ndarray
@@ -101,6 +157,7 @@ class MotionInWind:
     path: np.ndarray
     motion: PeriodicMotion = field(repr=False)
     source: MotionSource = MotionSource.PERIODIC
+    margin: Margin = Margin(MarginOf.NOT_YET)
 
     @property
     def mean(self) -> np.ndarray:
@@ -138,11 +195,13 @@ class EndMass:
     cable : (n, 3) ndarray
         East, north, up [m] of points along the cable, from the end mass to the tow point.
     settling_time : float
-        Seconds until a small disturbance has decayed to 5 %; inf if it does not.
+        Seconds until a small disturbance has decayed to 5 %; inf if it does not, nan where that is
+        not known.
     time_on_orbit : float
         Seconds for which this orbit, cable and load have been flown.
-    nearest_loss : str
-        "divergence" or "flutter": the way in which the least damped mode would lose stability.
+    nearest_loss : str or None
+        "divergence" or "flutter": the way in which the least damped mode would lose stability;
+        None where that is not known.
     others : tuple of EndMassState
         The other steady states of the same orbit, in rising radius.
     jump_in_angular_rate, jump_in_speed, jump_in_radius : Jump or None
@@ -153,7 +212,7 @@ class EndMass:
     in_wind : MotionInWind or None
         The motion in the wind believed, of which position, yaw, covariance and cable then are;
         None where that is not known or has no periodic motion. `state`, the others and the jumps
-        are those of still air all the same.
+        are those of still air all the same; settling time and nearest loss are `margin`'s.
     unmodelled_because : str
         Why the motion is not known in the wind that there is; then everything here is that of
         still air and does not hold. Empty where it holds, or nobody knows the wind.
@@ -173,7 +232,7 @@ class EndMass:
     cable: np.ndarray
     settling_time: float
     time_on_orbit: float
-    nearest_loss: str
+    nearest_loss: str | None
     others: tuple[EndMassState, ...]
     jump_in_angular_rate: Jump | None
     jump_in_speed: Jump | None
@@ -187,6 +246,18 @@ class EndMass:
     def holds(self) -> bool:
         """Whether the position is to be used: not that of still air in a wind."""
         return not self.unmodelled_because
+
+    @property
+    def margin(self) -> Margin:
+        """How stable the motion predicted is: in the wind, where there is one, else `state`'s."""
+        if self.in_wind is not None:
+            return self.in_wind.margin
+        if not self.holds:
+            return Margin(MarginOf.NOT_KNOWN)
+        s = self.state
+        return Margin(
+            MarginOf.STILL_AIR, s.margin, s.margin_per_s, s.frequency_per_s, self.nearest_loss
+        )
 
     @property
     def settled(self) -> bool:

@@ -5,7 +5,7 @@ fitted to an orbit, scaled, solved on the tracked branch, described in SI units 
 """
 
 from dataclasses import asdict, replace
-from math import inf, isfinite, nan, radians
+from math import inf, isfinite, isnan, nan, radians
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from ctcbs_ros.orbit.wind import Wind, WindEstimator, WindSettings
 from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Warning
-from ctcbs_ros.prediction.history import History
-from ctcbs_ros.prediction.in_si import end_mass_in_si, state_in_si
+from ctcbs_ros.prediction.history import History, Outlook
+from ctcbs_ros.prediction.in_si import end_mass_in_si, settling_time, state_in_si
 from ctcbs_ros.prediction.pose import end_mass_position
 from ctcbs_ros.prediction.prediction import (
     EndMass,
@@ -46,7 +46,7 @@ from ctcbs_ros.prediction.wind_follower import WindFollower
 from ctcbs_ros.prediction.wind_reasons import STILL_SOLVED
 from ctcbs_ros.scaling import FlightPoint, flight_point
 from ctcbs_ros.solver.stability import stability
-from ctcbs_ros.solver.steady_state import steady_states
+from ctcbs_ros.solver.steady_state import SteadyState, steady_states
 from ctcbs_ros.table.table import Table
 from ctcbs_ros.telemetry.continuity import Continuity, Track
 from ctcbs_ros.telemetry.local_frame import LocalFrame, LocalSample
@@ -166,13 +166,21 @@ class Predictor:
             sample, prediction.tow_point, prediction.orbit, prediction.wind,
             prediction.air_density,
             end_mass_radius=end_mass.state.radius if end_mass else nan,
-            settling_time=end_mass.settling_time if end_mass else inf,
+            settling_time=self._settling_time(end_mass),
             motion=in_wind.motion if in_wind else None,
             errors=end_mass.covariance[_POSE] if end_mass else None,
             searching=self._follower.searching,
             at_airspeed=self._at_airspeed,
         )  # fmt: skip
         return replace(prediction, simulated=self._twin.update(seen))
+
+    def _settling_time(self, end_mass: EndMass | None) -> float:
+        """For the twin: that of still air where it will not be known in this wind."""
+        if end_mass is None:
+            return inf
+        if isnan(end_mass.settling_time) and not self._follower.judging:
+            return settling_time(end_mass.state)
+        return end_mass.settling_time
 
     def _predicted(self, sample: Sample) -> Prediction:
         skip = self._screen.check(sample)
@@ -286,14 +294,18 @@ class Predictor:
         if tracked.state is None:
             warnings += wind_warnings(wind, orbit)
             return self._prediction(sample, orbit, local, None, density, warnings)
-        in_wind = self._in_wind(wind, orbit, density, tracked)
-        if in_wind is None:
-            warnings += wind_warnings(wind, orbit, self._follower.reason)
-        windy = in_wind is None and is_windy(wind, orbit)
-        because = (self._follower.reason or STILL_SOLVED) if windy else ""
         try:
+            may_end = self._table is None or self._table.may_end(point)
+            outlook = self._history.outlook(tracked, may_end)
+            in_wind = self._in_wind(
+                wind, orbit, density, tracked.state, outlook.stability.functions
+            )
+            if in_wind is None:
+                warnings += wind_warnings(wind, orbit, self._follower.reason)
+            windy = in_wind is None and is_windy(wind, orbit)
+            because = (self._follower.reason or STILL_SOLVED) if windy else ""
             end_mass = self._described(
-                orbit, time_on_orbit, local, point, tracked, in_wind, because
+                orbit, time_on_orbit, local, point, tracked, outlook, in_wind, because
             )
         except ArithmeticError as error:
             warnings.append(no_solution(str(error)))
@@ -304,10 +316,8 @@ class Predictor:
 
     def _described(
         self, orbit: Orbit, time_on_orbit: float, local: LocalSample, point: FlightPoint,
-        tracked: Tracked, in_wind: MotionInWind | None, unmodelled_because: str,
+        tracked: Tracked, outlook: Outlook, in_wind: MotionInWind | None, unmodelled_because: str,
     ) -> EndMass | None:
-        may_end = self._table is None or self._table.may_end(point)
-        outlook = self._history.outlook(tracked, may_end)
         if in_wind is None:
             position = end_mass_position(orbit, point, tracked.state)
         else:
@@ -324,7 +334,7 @@ class Predictor:
         )
 
     def _in_wind(
-        self, wind: Wind | None, orbit: Orbit, density: float, tracked: Tracked
+        self, wind: Wind | None, orbit: Orbit, density: float, state: SteadyState, functions: int
     ) -> MotionInWind | None:
         """The motion in the wind believed; None where there is none, or no such motion."""
         if wind is None:
@@ -340,7 +350,7 @@ class Predictor:
         kind = AIRSPEED if self._at_airspeed else GROUND_SPEED
         return self._follower.update(
             orbit, lambda radius, speed: self._point(radius, speed, density).parameters,
-            tracked.state, past, covariance, kind,
+            state, past, covariance, kind, functions,
         )  # fmt: skip
 
     def _geodetic(self, position: np.ndarray) -> Geodetic:

@@ -11,7 +11,14 @@ import numpy as np
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.wind import Wind
 from ctcbs_ros.prediction.codes import Warning
-from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump, Prediction
+from ctcbs_ros.prediction.prediction import (
+    EndMass,
+    EndMassState,
+    Jump,
+    Margin,
+    MarginOf,
+    Prediction,
+)
 from ctcbs_ros.twin.simulated import Simulated, TwinState
 
 Record = dict[str, Any]
@@ -120,11 +127,13 @@ def end_mass_fields(end_mass: EndMass) -> Record:
         "end_mass_altitude_above": altitude_reference(geodetic.ellipsoidal),
         "end_mass_height_above_home_m": finite(end_mass.height_above_home),
         **state_fields(end_mass.state),
+        **_margin(end_mass.margin),
         **_motion_in_wind(end_mass),
         "settling_time_s": finite(end_mass.settling_time),
         "time_on_orbit_s": finite(end_mass.time_on_orbit),
         "settled": end_mass.settled,
         "nearest_loss": end_mass.nearest_loss,
+        "jumps_of": MarginOf.STILL_AIR.value,
         "jump_margin": finite(end_mass.jump_margin),
         "fold_distance_std": finite(end_mass.fold_distance),
         **_jump("angular_rate", "rad_s", end_mass.jump_in_angular_rate),
@@ -203,6 +212,17 @@ def _enu(name: str, position: np.ndarray) -> Record:
     return {
         f"{name}_{axis}_m": finite(value)
         for axis, value in zip(("east", "north", "up"), position, strict=True)
+    }
+
+
+def _margin(margin: Margin) -> Record:
+    """How stable the motion predicted is, and whether in the wind or in still air."""
+    return {
+        "margin_of": margin.of.value,
+        "margin_per_rad": finite(margin.per_radian),
+        "margin_per_s": finite(margin.per_second),
+        "frequency_rad_s": finite(margin.frequency),
+        "stable": margin.stable,
     }
 
 

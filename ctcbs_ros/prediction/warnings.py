@@ -7,7 +7,7 @@ from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.wind import Wind, WindSource
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
-from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump
+from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump, Margin, MarginOf
 from ctcbs_ros.prediction.wind_choice import described
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
@@ -135,25 +135,27 @@ def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) ->
     found = []
     if end_mass.others:
         found.append(_warn(WarningCode.MULTIPLE_SOLUTIONS, _states_told(end_mass)))
-    found += stability_warnings(end_mass.state, end_mass.nearest_loss, limits)
+    found += stability_warnings(end_mass.margin, limits)
     found += jump_warnings(
-        end_mass.jump_in_speed, end_mass.jump_in_radius, limits, end_mass.fold_distance
+        end_mass.jump_in_speed, end_mass.jump_in_radius, limits, end_mass.fold_distance,
+        in_a_wind=end_mass.in_wind is not None or not end_mass.holds,
     )
     found += tension_warnings(end_mass.state.greatest_tension, cable, limits)
     return found + ground_warnings(end_mass.lowest_height_above_home, limits)
 
 
-def stability_warnings(
-    state: EndMassState, nearest_loss: str, limits: WarningLimits
-) -> list[Warning]:
-    """UNSTABLE, or else LOW_MARGIN."""
-    if not state.stable:
-        text = f"{nearest_loss}: disturbances grow at {-state.margin_per_s:.3g} 1/s"
+def stability_warnings(margin: Margin, limits: WarningLimits) -> list[Warning]:
+    """UNSTABLE, or else LOW_MARGIN; none where the margin is not known."""
+    if not margin.known:
+        return []
+    where = " in this wind" if margin.of is MarginOf.WIND else ""
+    if not margin.stable:
+        text = f"{margin.nearest_loss}{where}: disturbances grow at {-margin.per_second:.3g} 1/s"
         return [_error(WarningCode.UNSTABLE, text)]
-    if state.margin_per_s < limits.low_margin_per_s:
+    if margin.per_second < limits.low_margin_per_s:
         text = (
-            f"disturbances decay at only {state.margin_per_s:.3g} 1/s "
-            f"(limit {limits.low_margin_per_s:g} 1/s); nearest loss: {nearest_loss}"
+            f"disturbances decay at only {margin.per_second:.3g} 1/s{where} "
+            f"(limit {limits.low_margin_per_s:g} 1/s); nearest loss: {margin.nearest_loss}"
         )
         return [_warn(WarningCode.LOW_MARGIN, text)]
     return []
@@ -161,9 +163,12 @@ def stability_warnings(
 
 def jump_warnings(
     in_speed: Jump | None, in_radius: Jump | None, limits: WarningLimits,
-    fold_distance: float = inf,
+    fold_distance: float = inf, in_a_wind: bool = False,
 ) -> list[Warning]:
-    """NEAR_JUMP, of the nearer of two jumps; the distance is in the orbit's deviations."""
+    """NEAR_JUMP, of the nearer of two jumps; the distance is in the orbit's deviations.
+
+    The jumps are those of still air, which is told `in_a_wind`.
+    """
     # Both are ways of changing the angular rate: by speed at this radius, by radius at this speed.
     jumps = [
         (abs(jump.relative), text.format(jump.at, jump.relative), jump.landing_radius)
@@ -183,6 +188,8 @@ def jump_warnings(
             f"; only {fold_distance:.1f} standard deviations of the orbit away, it may have "
             "happened"
         )
+    if in_a_wind:
+        text += "; so it is in still air, in this wind it is not known"
     return [_warn(WarningCode.NEAR_JUMP, text)]
 
 

@@ -5,7 +5,7 @@ at first, which takes a sample or two; finer while the flight stays near. Where 
 is found, the cable is flown in time until its turns are the same.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
 
 import numpy as np
@@ -14,7 +14,8 @@ from ctcbs_ros.errors import InputError
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.periodic.factors import Storage
 from ctcbs_ros.prediction.jumps import is_on_another_branch
-from ctcbs_ros.prediction.prediction import MotionInWind, MotionSource
+from ctcbs_ros.prediction.prediction import Margin, MarginOf, MotionInWind, MotionSource
+from ctcbs_ros.prediction.wind_growth import LinearGrowth, growth_search
 from ctcbs_ros.prediction.wind_in_time import motion_in_time_search
 from ctcbs_ros.prediction.wind_motion import (
     EFFORT,
@@ -27,11 +28,14 @@ from ctcbs_ros.prediction.wind_motion import (
 )
 from ctcbs_ros.prediction.wind_reasons import STILL_SOLVED
 from ctcbs_ros.solver.blas import one_blas_thread
+from ctcbs_ros.solver.stability import DIVERGENCE, FLUTTER, FUNCTIONS
 from ctcbs_ros.solver.steady_state import SteadyState
 
 # Distance (see `Flight.distance`) from where the motion was solved: from which it is solved anew,
 # and up to which it is used until that is done.
 _ANEW, _USED = 0.02, 0.08
+# The same of its growth rate, up to which that is used until the next one is computed.
+_GROWTH_USED = 0.04
 # Distance from where none was found, from which one is looked for before a quarter turn is over.
 _ELSEWHERE = 0.1
 # Error of a coarse motion [a] from which the cable flown in time is worth its work.
@@ -66,6 +70,10 @@ class WindFollower:
         """Forget the motion: the next one is continued from still air."""
         self._solved: LinearMotion | None = None
         self._search = self._sought = None
+        # How stable it is; the motion last judged, and the one being judged.
+        self._growth: LinearGrowth | None = None
+        self._judged: LinearMotion | None = None
+        self._judging = None
         # Whether the search is for the same motion, finer; when one such was begun.
         self._refining = False
         self._refined_at = -inf
@@ -78,6 +86,11 @@ class WindFollower:
         """Whether a motion is being solved."""
         return self._search is not None
 
+    @property
+    def judging(self) -> bool:
+        """Whether it is still open how stable the motion is."""
+        return self.searching or self._solved is not self._judged
+
     def update(
         self,
         orbit: Orbit,
@@ -86,6 +99,7 @@ class WindFollower:
         velocity: np.ndarray,
         covariance: np.ndarray,
         kind: str,
+        functions: int = FUNCTIONS[1],
     ) -> MotionInWind | None:
         """The motion on the present orbit.
 
@@ -102,6 +116,8 @@ class WindFollower:
             Of that.
         kind : str
             What is constant round the circle, see `TowPath`.
+        functions : int
+            A coordinate, that the vibration of `state` is resolved with.
 
         Returns
         -------
@@ -115,18 +131,30 @@ class WindFollower:
         if (self._search is None or self._refining) and self._is_due(flight, orbit.time):
             self._search = self._found_anyhow(flight, scaled, state, orbit.time)
             self._sought, self._refining = flight, False
+        elif self._search is None and self._solved is not self._judged:
+            if self._judging is None:
+                self._judging = growth_search(self._solved, functions)
         elif self._search is None and self._may_be_finer(orbit.time):
             self._search = self._found_finer(flight, scaled, state, orbit.time)
             self._sought, self._refining = flight, True
             self._refined_at = orbit.time
         if self._search is not None:
-            self._search_on(orbit.time)
+            found = _some_of(self._search)
+            if found is not None:
+                self._search = None
+                self._take(found.value)
+        elif self._judging is not None:
+            found = _some_of(self._judging)
+            if found is not None:
+                self._growth = found.value or self._growth
+                self._judging, self._judged = None, self._solved
         if self._solved is None or self._solved.flight.distance(flight) > _USED:
             if self._search is not None:
                 self.reason = STILL_SOLVED
             return None
         try:
-            return motion_in_wind(self._solved, orbit, flight, velocity, covariance)
+            motion = motion_in_wind(self._solved, orbit, flight, velocity, covariance)
+            return replace(motion, margin=self._margin(flight))
         except InputError as error:  # beside it lies a wind as fast as the aircraft
             self.reason = str(error)
             return None
@@ -192,24 +220,37 @@ class WindFollower:
             return False
         return time - self._refined_at > 2.0 * pi / self._solved.flight.rate
 
-    def _search_on(self, time: float) -> None:
-        """One more piece of the search."""
-        left = _PIECE
-        with one_blas_thread():
-            while left > 0.0:
-                try:
-                    left -= next(self._search)
-                except StopIteration as ended:
-                    self._search = None
-                    self._take(ended.value)
-                    return
+    def _margin(self, flight: Flight) -> Margin:
+        """How stable the motion on a flight is, as far as that is known."""
+        known = self._growth
+        if known is None or known.flight.distance(flight) > _GROWTH_USED:
+            return Margin(MarginOf.NOT_YET if self.judging else MarginOf.NOT_KNOWN)
+        margin, found = -known.at(flight), known.floquet
+        loss = DIVERGENCE if found.diverges else FLUTTER
+        return Margin(
+            MarginOf.WIND, margin, margin * flight.rate, found.frequency * flight.rate, loss
+        )
 
     def _take(self, found: LinearMotion | str) -> None:
         if isinstance(found, str) and self._refining:
             return  # the coarse one stays
         if isinstance(found, str):
             self._solved, self.reason = None, found
+            self._judged = self._judging = None
         else:
             if self._solved is not None:
                 found = found.after(self._solved)
             self._solved, self.reason = found, ""
+            self._judging = None
+
+
+def _some_of(search) -> StopIteration | None:
+    """One more piece of a search: what has ended it, or None while it goes on."""
+    left = _PIECE
+    with one_blas_thread():
+        while left > 0.0:
+            try:
+                left -= next(search)
+            except StopIteration as ended:
+                return ended
+    return None

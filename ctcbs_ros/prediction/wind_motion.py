@@ -121,6 +121,8 @@ class LinearMotion:
     source : MotionSource
     state : CableState or None
         Of a motion in time, at a turn's end.
+    beside : tuple of (PeriodicMotion, float)
+        Those that the derivatives are from, each with its step in ln radius, ln rate or wind.
     """
 
     flight: Flight
@@ -129,6 +131,7 @@ class LinearMotion:
     curvature: float = _CURVATURE
     source: MotionSource = MotionSource.PERIODIC
     state: CableState | None = field(default=None, repr=False)
+    beside: tuple[tuple[PeriodicMotion, float], ...] = field(default=(), repr=False)
 
     def at(self, flight: Flight, columns=slice(None)) -> np.ndarray:
         """The waves of a flight nearby, with their derivatives, (orders, 4, 3, columns)."""
@@ -245,7 +248,7 @@ def _with_derivatives(
 ):
     """By one-sided differences; None where they lead nowhere."""
     waves, factors = fourier(motion.values), motion.factors
-    found, speed = [waves], flight.radius * flight.rate
+    found, speed, others = [waves], flight.radius * flight.rate, []
     for steps in np.eye(3):
         # By a shorter radius, a lower rate and less wind where more of them lead nowhere.
         for step in (_STEP, -_STEP):
@@ -258,11 +261,15 @@ def _with_derivatives(
             if solved is not None:
                 factors = solved.factors
                 unit = step * speed if steps[2] else log(1.0 + step)
+                other = PeriodicMotion(
+                    parameters, there.path, solved.values, motion.residual, solved.least_tension
+                )
+                others.append((other, unit))
                 found.append((fourier(solved.values) - waves) / unit)
                 break
         else:
             return None
-    return LinearMotion(flight, motion, np.stack(found, axis=1))
+    return LinearMotion(flight, motion, np.stack(found, axis=1), beside=tuple(others))
 
 
 def motion_in_wind(

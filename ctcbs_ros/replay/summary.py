@@ -13,8 +13,7 @@ from ctcbs_ros.beacon.tally import BeaconTally
 from ctcbs_ros.geodesy import to_geodetic
 from ctcbs_ros.orbit.segments import OrbitSegment, OrbitSegments
 from ctcbs_ros.orbit.wind import WindSource
-from ctcbs_ros.prediction.in_si import settling_time
-from ctcbs_ros.prediction.prediction import Prediction
+from ctcbs_ros.prediction.prediction import EndMassState, Margin, MarginOf, Prediction
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import finite, sense_name
 from ctcbs_ros.prediction.tally import Tally
@@ -27,6 +26,7 @@ from ctcbs_ros.twin.simulated import Simulated, TwinState
 # Seconds between the end masses remembered for the orbits; a day's flight then takes 8 MB.
 REMEMBERED_EVERY = 5.0
 _SOURCES = tuple(WindSource)
+_MARGINS_OF = tuple(MarginOf)
 # Of the end mass's motion in wind, about the circle's centre.
 _MOTION = (
     "end_mass_east_m", "end_mass_north_m", "end_mass_downwind_m", "end_mass_crosswind_m",
@@ -63,6 +63,8 @@ class Summary:
         # What each is of (`KINDS`); its motion in the wind (`_MOTION`), nan where there is none,
         # with its loop seen from above: east and north of the circle's centre.
         self._kinds, self._motions, self._loops = array("b"), array("d"), array("f")
+        # How fast a disturbance decays [1/s], nan where not known; in what, by number.
+        self._margins, self._margins_of = array("d"), array("b")
         # Distance of the simulated end mass from the predicted one, that over what is stated of
         # both, and whether both are settled; nan where either is not known.
         self._apart, self._apart_stated, self._apart_settled = array("d"), array("d"), array("b")
@@ -81,6 +83,7 @@ class Summary:
                 self._times, self._radii, self._densities,
                 self._winds, self._directions, self._sources, self._apart, self._kinds,
                 self._counts, self._not_modelled, self._apart_stated, self._apart_settled,
+                self._margins, self._margins_of,
             ):  # fmt: skip
                 remembered.pop()
             del self._motions[-len(_MOTION) :]
@@ -105,6 +108,8 @@ class Summary:
             self._kinds.append(KINDS.index(kind))
             self._motions.extend(_motion(prediction, kind))
             self._loops.extend(_loop(prediction, kind))
+            self._margins.append(prediction.end_mass.margin.per_second)
+            self._margins_of.append(_MARGINS_OF.index(prediction.end_mass.margin.of))
             apart, stated, settled = _apart(prediction)
             self._apart.append(apart)
             self._apart_stated.append(stated)
@@ -131,7 +136,9 @@ class Summary:
             and end in seconds, turns, radius, speed, sense, centre, and the
             end mass's radius, depth, margin and settling time, which are None where no state was
             found or none settles, and the wind at its end, None where nobody knew.
-            Radius, depth, margin and settling time are always those of still air.
+            Radius and depth are always those of still air, margin and settling time those that
+            margin_of says: "still air", or the newest of "wind", or else "not known" in it, then
+            they are None.
             end_mass_motion says what holds: "still air"; "still air, wind not known", if there is
             none; "still air, wind not modelled": nothing; or "in wind": not radius and depth, but
             the newest motion. wind_unmodelled_share is the share of the predictions of which
@@ -194,11 +201,32 @@ class Summary:
             "center": self._latitude_longitude(segment),
             "end_mass_radius_m": finite(state.radius) if state else None,
             "end_mass_depth_m": finite(state.depth) if state else None,
-            "margin_per_s": finite(state.margin_per_s) if state else None,
-            "settling_time_s": finite(settling_time(state)) if state else None,
+            **self._margin(state, first, last),
             **wind,
             **motion,
             **self._agreement(first, last),
+        }
+
+    def _margin(self, state: EndMassState | None, first: int, last: int) -> dict[str, Any]:
+        """That of the state in still air, or the newest in wind between two end masses."""
+        margin = Margin(MarginOf.NOT_KNOWN)
+        if state is not None and last >= first:
+            margin = Margin(MarginOf.STILL_AIR, per_second=state.margin_per_s)
+            newest = _MARGINS_OF[self._margins_of[last]]
+            for number in range(last, first - 1, -1):
+                if newest is MarginOf.STILL_AIR:
+                    break
+                margin = Margin(
+                    _MARGINS_OF[self._margins_of[number]], per_second=self._margins[number]
+                )
+                if margin.of is MarginOf.WIND:
+                    break
+            else:
+                margin = Margin(newest)
+        return {
+            "margin_of": margin.of.value,
+            "margin_per_s": finite(margin.per_second),
+            "settling_time_s": finite(margin.settling_time),
         }
 
     def _agreement(self, first: int, last: int) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from ctcbs_ros.beacon.comparison import Standing, Unmatched
 from ctcbs_ros.beacon.reach import LENGTH_HINT, share_out_of_reach
 from ctcbs_ros.orbit.segments import LEAST_TURNS
 from ctcbs_ros.prediction.codes import WarningCode
+from ctcbs_ros.prediction.prediction import MarginOf
 from ctcbs_ros.prediction.warnings import skip_warnings
 from ctcbs_ros.replay.motion_kind import IN_WIND, UNKNOWN, UNMODELLED
 from ctcbs_ros.telemetry.skip_code import SkipCode
@@ -250,8 +251,13 @@ def _toward(distance: float, positive: str, negative: str) -> str:
 
 def _motion_lines(orbits: list[dict[str, Any]]) -> Iterator[str]:
     """What holds of the end masses' figures, and what does not."""
-    if any(orbit["end_mass_motion"] == IN_WIND for orbit in orbits):
-        yield "Margins and settling times are those of still air all the same."
+    windy = [n for n, orbit in enumerate(orbits, 1) if orbit["end_mass_motion"] == IN_WIND]
+    known = [n for n in windy if orbits[n - 1]["margin_of"] == MarginOf.WIND.value]
+    if known:
+        yield f"Margin and settling time on {_orbits(known)} are those of the motion in the wind."
+    if len(windy) > len(known):
+        others = [n for n in windy if n not in known]
+        yield f"How stable the motion in the wind is on {_orbits(others)} is not known."
     bad = [n for n, orbit in enumerate(orbits, 1) if orbit["end_mass_motion"] == UNMODELLED]
     if bad:
         yield (

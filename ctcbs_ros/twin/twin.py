@@ -7,7 +7,7 @@ jump, another flight) it begins anew, and says so.
 """
 
 from collections import Counter
-from math import atan2, exp, inf, isfinite, nan, pi, sqrt
+from math import atan2, exp, inf, isfinite, isnan, nan, pi, sqrt
 
 import numpy as np
 
@@ -172,6 +172,10 @@ class Twin:
         if self._followed is None:
             self._begin(seen)
             return
+        begun = self._followed
+        if begun.valid_from == inf and self._begun_as in (_PERIODIC, _STILL):
+            if isfinite(seen.settling_time):
+                begun.valid_from = begun.since + seen.settling_time
         if not self._advance(path, wind_before, before):
             self._lose(Loss.NOT_FOLLOWED)
             return
@@ -248,7 +252,8 @@ class Twin:
                 return
             cable, self._begun_as = begun.cable, _PERIODIC if begun.periodic else _STILL
             errors = seen.errors if begun.periodic else None
-            valid_from = time + seen.settling_time
+            # Where that is not known yet it is added as soon as it is.
+            valid_from = inf if isnan(seen.settling_time) else time + seen.settling_time
         elif orbit is None and time - self._straight_since >= _STRAIGHT_TIME:
             given = self._line, self._segments, tow.position, tow.velocity
             cable = behind(*given, self._wind)

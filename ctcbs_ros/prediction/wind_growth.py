@@ -1,0 +1,79 @@
+"""How stable the motion in the wind is: its Floquet exponent, and how that changes nearby.
+
+Only of a motion that is known well enough: between the times at which a stiff cable's motion was
+solved, few orders leave a tension that is none, and exponents that are none either.
+"""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+
+from ctcbs_ros.periodic.floquet import Floquet, floquet_search, least_damped_search
+from ctcbs_ros.prediction.wind_motion import Flight, LinearMotion
+from ctcbs_ros.solver.stability import FUNCTIONS
+
+# Two ways to pass between the motion's times may differ by this share, or per radian by this.
+_KNOWN, _CLOSE = 0.05, 1e-3
+# Steps a turn of what is only compared; the most of all, and of a coarse motion, which is soon
+# known better; and the most functions: with those a piece of the work takes a tenth of a second.
+_STEPS, _MOST_STEPS, _COARSE_STEPS = 16, 64, 32
+_MOST_FUNCTIONS = 40
+
+
+@dataclass(frozen=True)
+class LinearGrowth:
+    """The exponent of a motion with its derivatives.
+
+    Attributes
+    ----------
+    flight : Flight
+        For which it was computed.
+    floquet : Floquet
+    slopes : (3,) ndarray
+        Of the growth rate by ln radius, ln rate and wind [m/s].
+    """
+
+    flight: Flight
+    floquet: Floquet
+    slopes: np.ndarray
+
+    def at(self, flight: Flight) -> float:
+        """Growth rate of a flight nearby, per radian of orbit."""
+        there = self.flight
+        away = np.array([
+            log(flight.radius / there.radius), log(flight.rate / there.rate),
+            flight.wind - there.wind,
+        ])  # fmt: skip
+        return self.floquet.growth_rate + float(self.slopes @ away)
+
+
+def growth_search(
+    solved: LinearMotion, functions: int
+) -> Generator[float, None, LinearGrowth | None]:
+    """The exponent of a motion, None where that is not known well enough; yields work.
+
+    Parameters
+    ----------
+    solved : LinearMotion
+    functions : int
+        A coordinate, that the state in still air needs.
+    """
+    motion = solved.motion
+    band = motion.parameters.band
+    few = max((n for n in FUNCTIONS if n < functions), default=functions)
+    rough = yield from least_damped_search(motion, few, band, _STEPS)
+    smooth = yield from least_damped_search(motion, few, band, _STEPS, smooth=True)
+    apart = abs(rough.growth_rate - smooth.growth_rate)
+    if apart > max(_KNOWN * abs(rough.growth_rate), _CLOSE):
+        return None
+    most = (functions, _COARSE_STEPS) if solved.coarse else (_MOST_FUNCTIONS, _MOST_STEPS)
+    found = yield from floquet_search(motion, functions, band, *most)
+    if not found.converged:
+        return None
+    slopes = []  # none where the motion was flown in time
+    for beside, step in solved.beside:
+        there = yield from least_damped_search(beside, few, beside.parameters.band, _STEPS)
+        slopes.append((there.growth_rate - rough.growth_rate) / step)
+    return LinearGrowth(solved.flight, found, np.array(slopes or [0.0, 0.0, 0.0]))
