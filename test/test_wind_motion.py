@@ -14,13 +14,17 @@ from ctcbs_ros.dynamics.line import line_of
 from ctcbs_ros.dynamics.signal import constant, spline
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.periodic.circle import Circle, end_mass_position, end_mass_velocity, motion_on
+from ctcbs_ros.periodic.floquet import floquet, least_damped_search
 from ctcbs_ros.periodic.fourier import at_times
 from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED
 from ctcbs_ros.pieces import drained
 from ctcbs_ros.prediction import wind_follower
+from ctcbs_ros.prediction.prediction import MarginOf
 from ctcbs_ros.prediction.wind_follower import WindFollower
+from ctcbs_ros.prediction.wind_growth import growth_search
 from ctcbs_ros.prediction.wind_motion import Flight, linear_motion_search
 from ctcbs_ros.scaling import flight_point
+from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
 
 AIR = 1.2
@@ -303,3 +307,61 @@ def off_at(before, after):
     waves = before.at(after.flight)[:, 0, :, 0], after.waves[:, 0, :, 0]
     places = [at_times(wave, times) for wave in waves]
     return np.linalg.norm(places[0] - places[1], axis=-1).max()
+
+
+def still_air(name, orbit):
+    return stability(steady_states(scaled(name)(orbit.radius, orbit.speed)).states[0])
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_the_margin_in_wind_is_that_of_the_motion_solved_for_the_very_flight(name):
+    _, radius, speed, wind = FLIGHTS[name]
+    follower = follower_of(name, GROUND_SPEED)
+    for longer, faster, stronger in ((1.0, 1.0, 1.0), (1.01, 0.995, 1.03)):
+        orbit = orbit_of(radius * longer, speed / radius * faster)
+        now = stronger * np.array(wind)
+        margin = updated(follower, name, orbit, now).margin
+        _, exact = solved(name, orbit, now, GROUND_SPEED)
+        found = floquet(exact, still_air(name, orbit).functions)
+        assert margin.of is MarginOf.WIND
+        assert margin.per_radian == pytest.approx(-found.growth_rate, rel=0.02)
+        assert margin.per_second == pytest.approx(margin.per_radian * orbit.angular_rate)
+        assert margin.settling_time == pytest.approx(np.log(20.0) / margin.per_second)
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_in_hardly_any_wind_the_margin_is_that_of_still_air(name):
+    _, radius, speed, _ = FLIGHTS[name]
+    orbit = orbit_of(radius, speed / radius)
+    still = still_air(name, orbit)
+    margin = updated(WindFollower(), name, orbit, (1e-3, 0.0)).margin
+    assert margin.per_radian == pytest.approx(still.margin, rel=0.01)
+    assert margin.frequency == pytest.approx(still.frequency * orbit.angular_rate, rel=0.01)
+    assert margin.nearest_loss == still.nearest_loss
+
+
+def test_nothing_is_said_of_the_stability_of_a_motion_known_too_coarsely_for_it():
+    name, orbit = "small drone", orbit_of(60.0, 0.3)
+    flight = Flight(60.0, 0.3, 3.0, GROUND_SPEED, (1.0, 1.0, 1.0))
+    state = steady_states(scaled(name)(60.0, 18.0)).states[0]
+    coarse = drained(linear_motion_search(flight, scaled(name), state, None))
+    functions = stability(state).functions
+    assert floquet_of_coarse(coarse, functions) > 0.0  # and yet
+    assert drained(growth_search(coarse, functions)) is None
+    follower, wind = WindFollower(), np.array([3.0, 0.0])
+    told = []
+    for _ in range(100):
+        motion = follower.update(orbit, scaled(name), state, wind, np.eye(2), GROUND_SPEED)
+        if motion is not None:
+            told.append(motion.margin)
+    assert told[0].of is MarginOf.NOT_YET
+    assert told[0].stable is None
+    assert np.isnan(told[0].settling_time)
+    assert told[-1].of is MarginOf.WIND
+    assert told[-1].stable
+
+
+def floquet_of_coarse(coarse, functions):
+    return drained(
+        least_damped_search(coarse.motion, functions, coarse.motion.parameters.band, 64)
+    ).growth_rate
