@@ -173,9 +173,9 @@ class Twin:
             self._begin(seen)
             return
         begun = self._followed
-        if begun.valid_from == inf and self._begun_as in (_PERIODIC, _STILL):
-            if isfinite(seen.settling_time):
-                begun.valid_from = begun.since + seen.settling_time
+        on_orbit_since = self._begun_as in (_PERIODIC, _STILL)
+        if on_orbit_since and begun.valid_from == inf and isfinite(seen.settling_time):
+            begun.valid_from = begun.since + seen.settling_time
         if not self._advance(path, wind_before, before):
             self._lose(Loss.NOT_FOLLOWED)
             return
