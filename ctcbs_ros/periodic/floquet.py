@@ -191,13 +191,16 @@ def exponents_search(
     growth = exponents.real
     fast, size = np.zeros(6 * n), np.zeros(6 * n)
     modes = modes.astype(complex)
-    for step in maps:
-        place, rate = modes[: 3 * n], modes[3 * n :]
-        fast += (np.abs(rate - growth * place) ** 2).sum(axis=0)
-        size += (np.abs(place) ** 2).sum(axis=0)
-        # What decays within a step leaves nothing but rounding.
-        modes = step @ modes * np.exp(-np.maximum(growth, -100.0) * 2.0 * pi / steps)
-    return exponents, np.sqrt(fast / np.maximum(size, 1e-300))
+    with np.errstate(all="ignore"):
+        for step in maps:
+            place, rate = modes[: 3 * n], modes[3 * n :]
+            fast += (np.abs(rate - growth * place) ** 2).sum(axis=0)
+            size += (np.abs(place) ** 2).sum(axis=0)
+            # What decays within a step leaves nothing but rounding.
+            modes = step @ modes * np.exp(-np.maximum(growth, -100.0) * 2.0 * pi / steps)
+        frequencies = np.sqrt(fast / np.maximum(size, 1e-300))
+    # What overflows within a turn grows beyond all bounds, and counts.
+    return exponents, np.where(np.isfinite(frequencies), frequencies, 0.0)
 
 
 def _step_maps(linearised, n: int, steps: int, some) -> list[np.ndarray]:
