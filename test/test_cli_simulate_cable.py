@@ -11,6 +11,7 @@ from points import STRETCHED, design, parameters
 
 from ctcbs_ros.cli.main import main
 from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.dynamics.cable import TOLERANCE
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.steady_state import steady_states
 from ctcbs_ros.telemetry.source import open_log
@@ -226,7 +227,7 @@ def test_a_track_that_is_neither_log_nor_csv_is_refused(content, tmp_path, capsy
 
 @pytest.mark.parametrize("command", ["simulate-cable --wind 0.1,0", "entry --from hanging"])
 def test_a_motion_that_cannot_be_followed_is_one_line_and_1(command, capsys, monkeypatch):
-    monkeypatch.setattr("ctcbs_ros.dynamics.cable._MOST_STEPS", 20)
+    monkeypatch.setattr("ctcbs_ros.dynamics.cable.simulate.__defaults__", (TOLERANCE, 20))
     assert main([*command.split(), *POINT.split()]) == 1
     error = capsys.readouterr().err
     assert "cannot be followed past" in error

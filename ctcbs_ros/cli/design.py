@@ -2,6 +2,7 @@
 
 import argparse
 from math import inf, isfinite
+from pathlib import Path
 
 from ctcbs_ros.cli.output import print_json
 from ctcbs_ros.errors import InputError
@@ -71,6 +72,8 @@ def run(args) -> int:
     requirements = _requirements(args, configuration)
     grid = _grid(args.grid)
     if args.report:
+        if Path(args.report).suffix not in ("", ".html", ".htm"):
+            raise InputError(f"--report {args.report}: a report is one .html file")
         writable(args.report)
     with worker_pool() as pool:
         design = carry_out(configuration, density, requirements, grid, pool, progress=True)

@@ -169,7 +169,10 @@ def _wind(args, units):
         raise InputError(f"--wind {args.wind}: two or three numbers are needed, X,Y[,Z]")
     wind = wind * units["time"] / units["length"]
     if np.linalg.norm(wind) >= 1.0:
-        raise InputError(f"--wind {args.wind}: it must be below the tow speed")
+        raise InputError(
+            f"--wind {args.wind}: X,Y, the velocity of the air (no bearing), must be below "
+            "the tow speed"
+        )
     return wind
 
 

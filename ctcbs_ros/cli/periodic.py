@@ -31,7 +31,7 @@ def add_parser(subparsers) -> None:
     )
     add_nondimensional(parser, f"gamma, finite; default {_ELASTICITY:g}")
     parser.add_argument(
-        "--wind", type=float, metavar="W",
+        "--wind", type=_fraction, metavar="W",
         help="a fraction, 0.1 say: speed of the air, moving towards +x, over that of the tow "
         "point (see --path); no direction, and no m/s",
     )
@@ -137,6 +137,15 @@ def _described(motion, state) -> dict:
             "phase_lag": state.phase_lag,
         },
     }  # fmt: skip
+
+
+def _fraction(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: one number is needed, the air's speed towards +x over the tow speed"
+        ) from None
 
 
 def _state(parameters, number: int | None):

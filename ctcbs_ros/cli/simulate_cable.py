@@ -195,7 +195,10 @@ def _wind(args, units, path, tow, first, last, period):
         way = tow.at(np.linspace(first, last, 2000))
         fastest = np.linalg.norm(np.diff(way, axis=0), axis=1).max() * 1999.0 / (last - first)
     if np.linalg.norm(values, axis=1).max(initial=0.0) >= fastest:
-        raise InputError(f"--wind {args.wind}: it must be below the tow speed")
+        raise InputError(
+            f"--wind {args.wind}: X,Y, the velocity of the air (no bearing), must be below "
+            "the tow speed"
+        )
     if len(values) == 1:
         times, values = times + np.array([0.0, 1.0]), np.repeat(values, 2, axis=0)
     return linear(times / units["time"], values, "--wind")
