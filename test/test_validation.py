@@ -18,6 +18,7 @@ def short(monkeypatch):
     monkeypatch.setattr(cases, "STEADY", (replace(cases.STEADY[1], duration=400.0),))
     monkeypatch.setattr(cases, "WINDS", (replace(cases.WINDS[0], duration=400.0),))
     monkeypatch.setattr(cases, "ENTRIES", (replace(cases.ENTRIES[1], duration=120.0),))
+    monkeypatch.setattr(cases, "WINCHES", (replace(cases.WINCHES[1], duration=240.0),))
     monkeypatch.setattr(cases, "DECAY", replace(cases.DECAY, duration=700.0))
     monkeypatch.setattr(cases, "ROUGH", replace(cases.ENTRIES[0], duration=120.0))
 
@@ -28,6 +29,7 @@ def test_the_table_and_the_pictures_are_written(short, tmp_path, capsys):
     assert found["met"]
     assert {row["case"] for row in found["comparisons"]} == {
         "design example, 5 %", "design example", "gamma 600",
+        "design example, reeled in by 15 %",
     }  # fmt: skip
     written = {file.name for file in (tmp_path / "out").iterdir()}
     assert written == {
@@ -48,6 +50,18 @@ def test_a_difference_is_seen_and_ends_with_1(short, monkeypatch, capsys):
     monkeypatch.setattr(runs, "entry", other)
     assert main(["validate"]) == 1
     assert "NO" in capsys.readouterr().out
+
+
+def test_a_winch_that_runs_at_another_rate_is_seen(short, monkeypatch, tmp_path):
+    (case,) = cases.WINCHES
+    assert all(row.met for row in compare.of_winch(runs.fly_entry(case, tmp_path)))
+    original = runs.entry
+
+    def other(*given):
+        return original(*given[:4], replace(given[4], breaks=1.01 * given[4].breaks))
+
+    monkeypatch.setattr(runs, "entry", other)
+    assert not all(row.met for row in compare.of_winch(runs.fly_entry(case, tmp_path)))
 
 
 def test_comparisons_are_in_per_cent_of_what_they_say():

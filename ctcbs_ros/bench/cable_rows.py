@@ -23,7 +23,9 @@ _FLOWN, _STEP = 120.0, 0.01
 _STIFF_FLOWN, _STIFF_STEP = 80.0, 0.001
 
 
-def entry(parameters: Parameters, segments: int, ramp: float, times: np.ndarray, **settings):
+def entry(
+    parameters: Parameters, segments: int, ramp: float, times: np.ndarray, length=None, **settings
+):
     """Fly what `peer_moordyn.tow` flies: from hanging, evenly stretched, to the full rate.
 
     With the drag at the nodes, as the peer takes it.
@@ -37,6 +39,8 @@ def entry(parameters: Parameters, segments: int, ramp: float, times: np.ndarray,
         Angle that the full rate turns in the time it is reached in [rad].
     times : (m,) array
         In 1/Omega.
+    length : Signal, optional
+        Paid out, if that changes.
     **settings
         For `simulate`.
 
@@ -59,7 +63,8 @@ def entry(parameters: Parameters, segments: int, ramp: float, times: np.ndarray,
     nodes[:, 2] = np.linspace(-stretch * parameters.length, 0.0, segments + 1)
     tow = sampled(place, 0.0, times[-1], 2.0 * pi / 256.0)
     start = CableState(0.0, nodes, np.zeros_like(nodes))
-    x, y, z = simulate(line, drive(line, tow), start, times, **settings).positions[:, 0].T
+    driven = drive(line, tow, length=length)
+    x, y, z = simulate(line, driven, start, times, **settings).positions[:, 0].T
     lag = (angle(times) - np.arctan2(y, x)) % (2.0 * pi)
     return np.column_stack([np.hypot(x, y), -z, lag])
 

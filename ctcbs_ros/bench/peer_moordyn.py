@@ -6,6 +6,7 @@ MoorDyn has found by itself. In wind the circle is that of the frame in which th
 moves against the wind.
 """
 
+import ctypes
 import os
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -78,7 +79,8 @@ class Towed:
 
 
 def tow(folder: Path, parameters: Parameters, segments: int, duration: float,
-        step: float = 0.01, damping: float = 17.0, wind: float = 0.0) -> Towed:  # fmt: skip
+        step: float = 0.01, damping: float = 17.0, wind: float = 0.0,
+        reel=None) -> Towed:  # fmt: skip
     """Tow a line of an elastic parameter point for a number of seconds.
 
     Parameters
@@ -94,6 +96,8 @@ def tow(folder: Path, parameters: Parameters, segments: int, duration: float,
         Of the line's axial dashpots, BA [N s].
     wind : float
         Over the tow speed, towards +x; it rises as the rate does.
+    reel : callable, optional
+        Of the time [s], giving the length paid out as a part of the first one, and its rate [1/s].
     """
     import moordyn
 
@@ -114,7 +118,8 @@ def tow(folder: Path, parameters: Parameters, segments: int, duration: float,
     with _quiet():
         system = moordyn.Create(str(file))
     try:
-        angles, positions = _flown(moordyn, system, rate, duration, step, wind)
+        reeled = None if reel is None else lambda t: (p.length * a * part for part in reel(t))
+        angles, positions = _flown(moordyn, system, rate, duration, step, wind, reeled)
     finally:
         with _quiet():
             moordyn.Close(system)
@@ -133,19 +138,27 @@ def _tow_point(rate, t, wind):
     return [RADIUS * (cos(angle) - wind * angle), RADIUS * sin(angle), TOW_HEIGHT]
 
 
-def _flown(moordyn, system, rate, duration, step, wind):
+def _flown(moordyn, system, rate, duration, step, wind, reeled):
     """Angles flown (n,), and positions of the mass against the circle's centre (n, 3)."""
     moordyn.SetVerbosity(system, moordyn.LEVEL_NONE)
     here = _tow_point(rate, 0.0, wind)
     with _quiet():
         if moordyn.Init(system, here, [0.0, 0.0, 0.0]) != 0:
             raise ArithmeticError("MoorDyn found no initial state")
-    mass = moordyn.GetPoint(system, 1)
+    mass, line = moordyn.GetPoint(system, 1), moordyn.GetLine(system, 1)
     every = round(0.1 / step)
     angles, positions = [], []
     for i in range(round(duration / step)):
         there = _tow_point(rate, (i + 1) * step, wind)
         velocity = [(b - a) / step for a, b in zip(here, there, strict=True)]
+        if reeled is not None:
+            length, length_rate = reeled(i * step)
+            moordyn.SetLineUnstretchedLength(line, length)
+            moordyn.SetLineUnstretchedLengthVel(line, length_rate)
+            # Each gives back a None that it does not own (MoorDyn 2.7): the interpreter's only
+            # one would be gone after some thousands. Owned once too often it does no harm.
+            for _ in range(2):
+                ctypes.pythonapi.Py_IncRef(ctypes.py_object(None))
         moordyn.Step(system, here, velocity, i * step, step)
         here = there
         if (i + 1) % every == 0:

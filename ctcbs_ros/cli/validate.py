@@ -55,6 +55,7 @@ def _validate(folder: Path | None) -> list:
         ("steady", cases.STEADY, runs.fly_steady, compare.of_steady, draw.draw_steady),
         ("decay", (cases.DECAY,), runs.fly_decay, compare.of_decay, None),
         ("entries", cases.ENTRIES, runs.fly_entry, compare.of_entry, draw.draw_entries),
+        ("winch", cases.WINCHES, runs.fly_entry, compare.of_winch, None),
         ("oscillation", (cases.ROUGH,), runs.fly_entry, compare.of_oscillation, None),
         ("wind", cases.WINDS, runs.fly_in_wind, compare.of_wind, draw.draw_winds),
     )

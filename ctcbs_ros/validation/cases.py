@@ -20,6 +20,9 @@ class Case:
     parameters : Parameters
     wind : float
         Over the tow speed, towards +x.
+    winch : (float, float, float) or None
+        Where the length paid out changes, evenly: when that begins and ends in MoorDyn's time [s],
+        and to how much of the first.
     duration, step : float
         Of MoorDyn's run, and its time step [s]; a minute of it takes the tow point from rest to
         its rate.
@@ -30,6 +33,7 @@ class Case:
     wind: float = 0.0
     duration: float = 500.0
     step: float = 0.01
+    winch: tuple[float, float, float] | None = None
 
 
 def _design() -> Parameters:
@@ -58,6 +62,11 @@ DECAY = Case("gamma 600", SOFT, duration=900.0)
 # Stable at 0.32 of the tow radius, which a rough entry misses.
 ROUGH = Case(
     "Fig. 4.1, d_n 1.33, omega 2.4", Parameters(2.4, 3.0, 3.5, 1.33, 0.1, elasticity=600.0)
+)
+# Reeled out to more than a tenth longer, and in, on the circle.
+WINCHES = (
+    Case("gamma 600, reeled out by 15 %", SOFT, duration=300.0, winch=(120.0, 220.0, 1.15)),
+    Case("design example, reeled in by 15 %", DESIGN, duration=300.0, winch=(120.0, 220.0, 0.85)),
 )
 WINDS = (
     Case("design example, 5 %", DESIGN, 0.05, 600.0),

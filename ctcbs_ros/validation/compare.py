@@ -70,6 +70,19 @@ def of_entry(run: EntryRun) -> list[Comparison]:
     ]  # fmt: skip
 
 
+def of_winch(run: EntryRun) -> list[Comparison]:
+    """The greatest difference from when the winch begins, and where the end mass is at the end."""
+    flown = 0.1 * np.arange(1, len(run.angles) + 1) >= run.case.winch[0]
+    ours, theirs = run.product[flown], run.moordyn[flown]
+    away = 100.0 * np.abs(ours[:, :2] - theirs[:, :2]).max(axis=0)
+    return [
+        Comparison(run.case.name, f"{name} from the winch on", float(ours[-1, k]),
+                   float(theirs[-1, k]), float(away[k]), BARS["in time"], "a",
+                   "figures at the end")
+        for k, name in enumerate(_FIGURES[:2])
+    ]  # fmt: skip
+
+
 def of_decay(run: DecayRun) -> list[Comparison]:
     """Growth rate and frequency of the mode that is damped least."""
     pairs = (("growth rate, of the eigenvalue", run.solver.growth_rate, run.growth_rate, "decay"),

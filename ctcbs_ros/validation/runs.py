@@ -1,6 +1,7 @@
 """One case flown by MoorDyn and by the product, to be compared and drawn."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from math import pi
 from pathlib import Path
@@ -12,7 +13,7 @@ from ctcbs_ros.bench.peer_moordyn import DENSITY, RAMP, tow
 from ctcbs_ros.dynamics.cable import drive, simulate
 from ctcbs_ros.dynamics.equilibrium import equilibrium
 from ctcbs_ros.dynamics.line import line_of
-from ctcbs_ros.dynamics.signal import circle, constant
+from ctcbs_ros.dynamics.signal import circle, constant, linear
 from ctcbs_ros.periodic.solve import periodic_motion
 from ctcbs_ros.periodic.tow_path import GROUND_SPEED, TowPath
 from ctcbs_ros.solver.stability import Stability, stability
@@ -123,11 +124,23 @@ def fly_steady(case: Case, folder: Path) -> SteadyRun:
 
 def fly_entry(case: Case, folder: Path) -> EntryRun:
     """The same entry by both."""
-    towed = tow(folder, case.parameters, SEGMENTS, case.duration, case.step)
+    reel = None if case.winch is None else partial(_reeled, case.winch)
+    towed = tow(folder, case.parameters, SEGMENTS, case.duration, case.step, reel=reel)
     p = replace(case.parameters, density=DENSITY, damping=towed.damping)
     times = np.arange(1, len(towed.history) + 1) * 0.1 * towed.rate
-    found = entry(p, SEGMENTS, RAMP * towed.rate, times)
+    length = None
+    if case.winch is not None:
+        begin, end, part = case.winch
+        length = linear([begin * towed.rate, end * towed.rate], p.length * np.array([[1], [part]]))
+    found = entry(p, SEGMENTS, RAMP * towed.rate, times, length)
     return EntryRun(case, towed.history[:, 0], towed.history[:, 1:], found)
+
+
+def _reeled(winch, time):
+    """The length as a part of the first one, and its rate [1/s]."""
+    begin, end, part = winch
+    rate = (part - 1.0) / (end - begin)
+    return 1.0 + rate * (min(max(time, begin), end) - begin), rate * (begin <= time < end)
 
 
 def fly_decay(case: Case, folder: Path) -> DecayRun:
