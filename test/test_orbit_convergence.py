@@ -81,3 +81,23 @@ def test_a_circle_hardly_known_is_no_orbit_and_the_reason_says_how_well_it_is_kn
     worst, reasons = worst_known(np.inf)
     assert worst > 0.1
     assert not any("is known to" in r for r in reasons)
+
+
+def test_the_circle_given_while_another_radius_is_converged_onto_is_as_far_off_as_is_stated():
+    # True is the circle settled upon, from a quarter turn after the change on.
+    inside, samples = [], 0
+    for seed, (radius, first) in enumerate(((70.0, 95.0), (120.0, 95.0), (80.0, 60.0))):
+        legs = [Loiter(70.0, (0.0, 0.0), first, 1), Loiter(150.0, (0.0, 0.0), radius, 1)]
+        time, position, orbits = flown(legs, 40 + seed)
+        settled = np.mean(np.hypot(*position[time > 120.0].T))
+        turn = 2.0 * np.pi * radius / 23.0
+        for t, orbit in zip(time, orbits, strict=True):
+            since = (t - 70.0) / turn
+            if 0.25 < since < 1.8:
+                samples += 1
+            if 0.25 < since < 1.8 and orbit is not None:
+                error = np.array([*orbit.center[:2], orbit.radius - settled])
+                covariance = orbit.covariance[np.ix_([0, 1, 3], [0, 1, 3])]
+                inside.append(error @ np.linalg.solve(covariance, error) < 7.81)
+    assert len(inside) > 0.3 * samples
+    assert np.mean(inside) > 0.93

@@ -180,7 +180,7 @@ class OrbitEstimator:
             return self._none(self._refused)
         reason = ""
         for part, may_drift in self._candidates(samples):
-            found = self._best(part, may_drift)
+            found = self._best(part, may_drift, len(part) < len(samples))
             if isinstance(found, _Found):
                 self._orbit, self._last = found.orbit, found
                 return OrbitFix(found.orbit)
@@ -239,16 +239,16 @@ class OrbitEstimator:
         reverse = np.max(np.maximum.accumulate(course) - course)
         return s.confirming_arc if reverse > _REVERSED else s.least_arc
 
-    def _best(self, samples: Samples, may_drift: bool) -> _Found | Objection:
+    def _best(self, samples: Samples, may_drift: bool, shortened: bool) -> _Found | Objection:
         """The orbit of a circle that stands still, or of one that is seen to drift."""
-        standing = self._orbit_of(samples, False)
-        found = self._drifting_instead(standing, samples, may_drift)
+        standing = self._orbit_of(samples, False, shortened)
+        found = self._drifting_instead(standing, samples, may_drift, shortened)
         if found is standing and isinstance(standing, _Found) and self._unbelieved is not None:
             self._unbelieved.count_in(standing.orbit)
         return found
 
     def _drifting_instead(
-        self, standing: _Found | Objection, samples: Samples, may_drift: bool
+        self, standing: _Found | Objection, samples: Samples, may_drift: bool, shortened: bool
     ) -> _Found | Objection:
         """The circle that drifts, where that is believed, instead of one that stands still."""
         if not may_drift or samples.turned <= self._settings.drift_arc:
@@ -258,7 +258,7 @@ class OrbitEstimator:
             if standing.orbit.time < self._drift_sought + _SOUGHT_ANEW * turn:
                 return standing
             self._drift_sought = standing.orbit.time
-        drifting = self._orbit_of(samples, True)
+        drifting = self._orbit_of(samples, True, shortened)
         if isinstance(drifting, Objection):
             if isinstance(standing, Objection) and drifting.untold and drifting.final:
                 # Neither stands it still: a part of it would only seem to.
@@ -292,7 +292,7 @@ class OrbitEstimator:
             return False
         return hypot(*(orbit.drift - before[-1])) < _CHANGED * hypot(*orbit.drift)
 
-    def _orbit_of(self, samples: Samples, drifts: bool) -> _Found | Objection:
+    def _orbit_of(self, samples: Samples, drifts: bool, shortened: bool) -> _Found | Objection:
         s = self._settings
         start, usual = None, AS_STATED
         flown = self._last is not None and self._last.fit.drifts == drifts
@@ -330,7 +330,7 @@ class OrbitEstimator:
         of_circle = circle_covariance(
             fit, samples, position_sigma, velocity_sigma, operators, abs(rate), excess, s
         )
-        of_circle += lag_covariance(fit, samples, angle, operators, rate, widened, s)
+        of_circle += lag_covariance(fit, samples, angle, operators, rate, widened, shortened, s)
         if not of_circle[2, 2] < (s.known_share * fit.radius) ** 2:
             return Objection(
                 f"the radius of {fit.radius:.0f} m is known to +-{sqrt(of_circle[2, 2]):.1f} m, "

@@ -26,6 +26,8 @@ _EXCESS_TURN = 0.1
 # Standard deviations of a change of the radius within `trend_share`, for a circle to be told from
 # a spiral: one of 20 % a turn is then taken for a circle once in two hundred.
 TOLD = 1.6
+# Standard deviations from which a change of the radius is seen, and what its lag then counts for.
+_SEEN, _GOES_ON = 2.0, 2.0
 # Parts of the samples that a line of the height is fitted to, the fewest, and by how much the line
 # may pass by the newest ones [m], beside noise of at least so much [m].
 _HEIGHT_SHARES = (1.0, 0.5, 0.25, 0.12)
@@ -165,12 +167,14 @@ def lag_covariance(
     operators: np.ndarray,
     rate: float,
     widened: tuple[float, float, float],
+    shortened: bool,
     settings: OrbitSettings,
 ) -> np.ndarray | float:
     """What `circle_covariance` misses where the radius changes: its circle lags behind.
 
-    The square of the change beyond chance; and while a spiral is not told from a circle at all,
-    that change with its variance.
+    The square of the change beyond chance; while a spiral is not told from a circle, that change
+    with its variance. A change that is seen may go on: it counts twice, and for the centre in any
+    direction. So does any where the circle fits a part of the window alone: it has just changed.
 
     Parameters
     ----------
@@ -182,6 +186,8 @@ def lag_covariance(
         [rad/s], positive anticlockwise.
     widened : (float, float, float)
         Of `kernels.circle_trend.widening`.
+    shortened : bool
+        Whether the samples are but a part of the window, the whole of which is on no circle.
     settings : OrbitSettings
 
     Returns
@@ -189,11 +195,11 @@ def lag_covariance(
     (5, 5) or (7, 7) ndarray, or 0.0
     """
     change, variance, _ = widened
-    untold = (
-        abs(angle[-1] - angle[0]) < settings.drift_arc
-        and TOLD * sqrt(variance) > settings.trend_share * fit.radius
-    )
-    square = change**2 + (variance if untold else -variance)
+    untold = abs(angle[-1] - angle[0]) < settings.drift_arc
+    seen = _GOES_ON**2 * max(change**2 - _SEEN**2 * variance, 0.0)
+    if shortened:
+        seen = _GOES_ON**2 * change**2 + variance
+    square = max(change**2 + (variance if untold else -variance), seen)
     if not 0.0 < square < inf:
         return 0.0
     moved = np.empty(len(fit.inverse) + 2)
@@ -201,7 +207,13 @@ def lag_covariance(
         fit.points, fit.velocities, samples.age, fit.circle, fit.weight, fit.inverse, angle,
         operators, rate, moved,
     )
-    return square * np.outer(moved, moved)
+    covariance = square * np.outer(moved, moved)
+    # Which way the centre is off depends on how the radius changes.
+    apart = seen * float(moved[2]) ** 2
+    covariance[0, 0] += apart
+    covariance[1, 1] += apart
+    covariance[-1, -1] += apart / fit.radius**2
+    return covariance
 
 
 def height(samples: Samples, correlation_time: float) -> tuple[float, float, np.ndarray]:
