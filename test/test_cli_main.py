@@ -112,7 +112,7 @@ WRITERS = {
 
 
 @pytest.mark.parametrize("arguments", WRITERS.values(), ids=WRITERS)
-@pytest.mark.parametrize("where", ["new/file.png", "file/inside.png", "folder.png"])
+@pytest.mark.parametrize("where", ["new/file", "file/inside", "folder"])
 def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     arguments, where, tmp_path, capsys, monkeypatch
 ):
@@ -122,7 +122,9 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     monkeypatch.setattr("ctcbs_ros.bench.run.measure", None)
     monkeypatch.setattr("ctcbs_ros.bench.cost.plot_costs", None)
     (tmp_path / "file").touch()
+    where += ".html" if arguments[0] == "design" else ".png"
     (tmp_path / "folder.png").mkdir()
+    (tmp_path / "folder.html").mkdir()
     before = sorted(tmp_path.rglob("*"))
     assert main([*arguments, str(tmp_path / where)]) == 2
     shown = capsys.readouterr()
@@ -130,6 +132,14 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     (line,) = shown.err.splitlines()
     assert f"{tmp_path / where}: cannot be written" in line
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_report_of_another_kind_is_refused_before_the_work(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("ctcbs_ros.worker_pool.worker_pool", None)
+    assert main(["design", "small_drone", "--report", str(tmp_path / "report.pdf")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "report.pdf: a report is one .html file" in line
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_device_is_not_replaced_by_a_file():

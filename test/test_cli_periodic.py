@@ -120,7 +120,7 @@ def test_where_newton_ends_the_result_is_null_with_the_reason(capsys):
         (["--wind", "0.1", "--path", "ground"], "path: 'ground' is not allowed"),
         (["--wind", "0.1", "--elasticity", "inf"], "--elasticity: inf is not allowed"),
         (["--wind", "0.1", "--elasticity", "nan"], "elasticity: nan is not allowed"),
-        (["--wind", "0.1", "--state", "2"], "--state: 2 is not allowed, there are 1"),
+        (["--wind", "0.1", "--state", "2"], "--state: 2 is not allowed, there is 1 steady"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_line_and_ends_with_2(capsys, arguments, what):

@@ -71,14 +71,20 @@ def test_a_stretching_cable_near_resonance_goes_upwind(capsys):
     assert stiff["mean_position"][0] > 0.02
 
 
-def test_a_rough_entry_misses_a_stable_steady_state(capsys):
+def test_a_rough_entry_misses_a_stable_steady_state(tmp_path, capsys):
     # m 3.5, l 3, f 0.1, d_n 1.33, omega 2.4, gamma 600: steady at 0.32, and stable
     light = "--omega 2.4 --length 3 --end-mass 3.5 --cable-drag 1.33 --drag-ratio 0.1"
     rough = f"{light} --elasticity 600 --segments 15 --orbits 25 --tolerance 1e-3"
-    end = run(f"{rough} --start hanging", capsys)
+    out = tmp_path / "rough.csv"
+    end = run(f"{rough} --start hanging -o {out}", capsys)
     assert not end["settled"]
-    assert 1.0 < end["least_radius"] < 1.5
-    assert 2.0 < end["greatest_radius"] < 3.0
+    with open(out, newline="") as file:
+        rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
+    # It is chaotic: where one orbit's extremes lie hangs on the last digit, those of eight do not.
+    last = rows[-1]["t"] - 8.0 * 2.0 * np.pi / 2.4
+    radius = [np.hypot(row["end_mass_x"], row["end_mass_y"]) for row in rows if row["t"] > last]
+    assert 1.1 < min(radius) < 1.5
+    assert 2.3 < max(radius) < 2.8
     gentle = run(rough, capsys)
     assert gentle["settled"]
     assert gentle["radius"] == pytest.approx(0.32, abs=0.01)
