@@ -53,7 +53,7 @@ def told(flight, air, datum, random):
 )
 @pytest.mark.parametrize("begins", ["straight", "on the circle"])
 def test_true_places_lie_in_its_regions_from_the_first_value_on(air, sense, latitude, begins):
-    flight = simulate_flight(RADIUS, SPEED, 3, sense=sense, wind=air, rate=2.0)
+    flight = simulate_flight(RADIUS, SPEED, 4, sense=sense, wind=air, rate=2.0)
     truth, datum = true_places(flight, air), Datum(latitude, 8.5, 400.0, False)
     # before the cable has forgotten how it came onto the circle
     first = 0 if begins == "straight" else np.flatnonzero(np.isfinite(flight.radius))[3]

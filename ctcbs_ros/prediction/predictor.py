@@ -60,6 +60,8 @@ from ctcbs_ros.twin.twin import Twin
 _LONGEST_GAP = 30.0
 # Worse than this [m], [m/s] nothing is measured, and squares of it stay finite.
 _POOREST_ACCURACY = 1e3
+# How much longer motions in wind take to settle than in still air, beyond what was seen (3.4).
+_LONGER_IN_WIND = 4.0
 # Of the orbit, see `orbit.ESTIMATED`.
 _DRIFT = slice(7, 9)
 # East, north, up and yaw of a pose.
@@ -175,11 +177,11 @@ class Predictor:
         return replace(prediction, simulated=self._twin.update(seen))
 
     def _settling_time(self, end_mass: EndMass | None) -> float:
-        """For the twin: that of still air where it will not be known in this wind."""
+        """For the twin: where it will not be known in this wind, the longest that was seen."""
         if end_mass is None:
             return inf
         if isnan(end_mass.settling_time) and not self._follower.judging:
-            return settling_time(end_mass.state)
+            return _LONGER_IN_WIND * settling_time(end_mass.state)
         return end_mass.settling_time
 
     def _predicted(self, sample: Sample) -> Prediction:

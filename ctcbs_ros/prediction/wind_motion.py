@@ -315,14 +315,16 @@ def motion_in_wind(
         errors[6:8, :6] = errors[:6, 6:8].T
         errors[8:, 8:] = orbit.covariance[7:9, 7:9]
         errors[6:8, 8:] = errors[8:, 6:8] = -errors[8:, 8:]
+    toward = _plane(here.velocity, orbit.sense) * np.exp(1j * downwind)
+    toward += complex(*orbit.drift) / orbit.speed
     off = solved.error(flight)
     with np.errstate(all="ignore"):
         known = jacobian @ errors @ jacobian.T
-        known += off**2 * np.diag([orbit.radius**2] * 3 + [1.0])
-    toward = _plane(here.velocity, orbit.sense) * np.exp(1j * downwind)
+        # Its velocity over the tow speed is off by as much as its place over the tow radius is.
+        known += off**2 * np.diag([orbit.radius**2] * 3 + [1.0 / np.abs(toward) ** 2])
     return MotionInWind(
         position=_in_field(here.position, orbit, downwind),
-        yaw=float(np.angle(toward + complex(*orbit.drift) / orbit.speed)),
+        yaw=float(np.angle(toward)),
         covariance=0.5 * (known + known.T),
         cable=_in_field(cable.T + here.tow_point, orbit, downwind),
         path=_in_field(turn, orbit, downwind),

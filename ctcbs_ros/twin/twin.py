@@ -174,7 +174,8 @@ class Twin:
             return
         begun = self._followed
         on_orbit_since = self._begun_as in (_PERIODIC, _STILL)
-        if on_orbit_since and begun.valid_from == inf and isfinite(seen.settling_time):
+        # What is not known as it begins is taken for long, and may be found to be shorter.
+        if on_orbit_since and begun.valid_from > sample.time and isfinite(seen.settling_time):
             begun.valid_from = begun.since + seen.settling_time
         if not self._advance(path, wind_before, before):
             self._lose(Loss.NOT_FOLLOWED)
