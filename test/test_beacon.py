@@ -13,6 +13,7 @@ from beacon_flight import DRONE, OFFSET, SYSTEM, TURN, errors, fly
 from pymavlink.dialects.v20 import all as dialect
 from scipy.stats import chi2
 
+from ctcbs_ros.beacon.comparer import place_of
 from ctcbs_ros.beacon.comparison import Standing, Unmatched
 from ctcbs_ros.beacon.difference import REGION_95, difference
 from ctcbs_ros.beacon.motion import LONGEST_GAP, Motion, Place
@@ -90,6 +91,15 @@ def test_only_a_settled_prediction_counts_as_an_error(flight):
     worst = tally.predicted[Standing.SETTLING].as_dict()["horizontal_95_m"]
     assert worst > 5 * tally.predicted[Standing.SETTLED].as_dict()["horizontal_95_m"]
     assert tally.outcomes[Unmatched.NO_PREDICTION] > 0
+
+
+def test_without_a_known_settling_time_no_prediction_counts_as_settled(flight):
+    """As in a wind whose motion's stability is not known: however well damped still air is."""
+    settled = [p for p in flight.predictions if p.valid and p.end_mass.settled][-1]
+    assert place_of(settled).standing == Standing.SETTLED.value
+    assert settled.end_mass.state.stable
+    unknown = replace(settled, end_mass=replace(settled.end_mass, settling_time=np.nan))
+    assert place_of(unknown).standing == Standing.SETTLING.value
 
 
 def test_the_twin_is_where_the_beacon_is_on_the_way_into_the_circle_as_well(flight):

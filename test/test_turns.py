@@ -25,6 +25,7 @@ from ctcbs_ros.simulated_flight import simulate_flight
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
 from ctcbs_ros.telemetry.sample import Sample
+from ctcbs_ros.twin.simulated import TwinState
 from ctcbs_ros.twin.simulated_cable import line_in_si
 from ctcbs_ros.twin.turns import Flying, refined_turns_search
 
@@ -137,6 +138,9 @@ def test_where_no_periodic_motion_is_found_the_pose_is_that_of_the_cable_in_time
         assert WarningCode.WIND_UNMODELLED not in codes
         record = prediction_record(predictions[i])
         assert record["in_wind_source"] == "time-domain"
+        assert record["margin_of"] == "wind"
+        assert record["stable"] is record["settled"] is True
+        assert record["frequency_rad_s"] is None
         away = end_mass.position - truth[i]
         known = end_mass.covariance[:3, :3]
         assert away @ np.linalg.solve(known, away) < 7.8  # 95 % of three normal errors
@@ -147,6 +151,23 @@ def test_where_no_periodic_motion_is_found_the_pose_is_that_of_the_cable_in_time
     # the cable beside the flight begins straight behind it, and comes to the same
     twin = [np.linalg.norm(predictions[i].simulated.position - truth[i]) for i in last]
     assert np.max(twin) < 0.06 * RADIUS
+
+
+def test_a_twin_begun_on_such_an_orbit_is_valid_when_the_decay_in_that_wind_says_so():
+    path, samples, _ = flight(1)
+    on_orbit = np.flatnonzero(np.isfinite(path.radius))
+    predictor = Predictor(DRONE, with_twin=True)
+    predictions = [predictor.update(samples[i]) for i in on_orbit]
+    times = np.array([p.time for p in predictions])
+    valid = np.array([p.simulated is not None and p.simulated.valid for p in predictions])
+    known = [p.end_mass.settling_time for p in predictions if p.end_mass is not None]
+    begun = next(
+        p.time for p in predictions
+        if p.simulated is not None and p.simulated.state is not TwinState.WAITING
+    )
+    assert valid.any()
+    first = times[valid.argmax()]
+    assert first - begun == pytest.approx(known[-1], rel=0.1)
 
 
 def test_without_a_twin_nothing_is_flown_in_time():

@@ -155,8 +155,10 @@ def stability_warnings(margin: Margin, limits: WarningLimits) -> list[Warning]:
     if margin.per_second < limits.low_margin_per_s:
         text = (
             f"disturbances decay at only {margin.per_second:.3g} 1/s{where} "
-            f"(limit {limits.low_margin_per_s:g} 1/s); nearest loss: {margin.nearest_loss}"
+            f"(limit {limits.low_margin_per_s:g} 1/s)"
         )
+        if margin.nearest_loss is not None:
+            text += f"; nearest loss: {margin.nearest_loss}"
         return [_warn(WarningCode.LOW_MARGIN, text)]
     return []
 

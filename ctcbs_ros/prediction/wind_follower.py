@@ -28,7 +28,7 @@ from ctcbs_ros.prediction.wind_motion import (
 )
 from ctcbs_ros.prediction.wind_reasons import STILL_SOLVED
 from ctcbs_ros.solver.blas import one_blas_thread
-from ctcbs_ros.solver.stability import DIVERGENCE, FLUTTER, FUNCTIONS
+from ctcbs_ros.solver.stability import FUNCTIONS
 from ctcbs_ros.solver.steady_state import SteadyState
 
 # Distance (see `Flight.distance`) from where the motion was solved: from which it is solved anew,
@@ -225,11 +225,11 @@ class WindFollower:
         known = self._growth
         if known is None or known.flight.distance(flight) > _GROWTH_USED:
             return Margin(MarginOf.NOT_YET if self.judging else MarginOf.NOT_KNOWN)
-        margin, found = -known.at(flight), known.floquet
-        loss = DIVERGENCE if found.diverges else FLUTTER
+        margin = -known.at(flight)
         return Margin(
-            MarginOf.WIND, margin, margin * flight.rate, found.frequency * flight.rate, loss
-        )
+            MarginOf.WIND, margin, margin * flight.rate, known.frequency * flight.rate,
+            known.nearest_loss,
+        )  # fmt: skip
 
     def _take(self, found: LinearMotion | str) -> None:
         if isinstance(found, str) and self._refining:

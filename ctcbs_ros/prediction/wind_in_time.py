@@ -17,6 +17,7 @@ from ctcbs_ros.prediction.prediction import MotionSource
 from ctcbs_ros.prediction.wind_motion import Flight, LinearMotion, Scaled, beside
 from ctcbs_ros.prediction.wind_reasons import not_repeating
 from ctcbs_ros.solver.steady_state import SteadyState
+from ctcbs_ros.twin.decay import decay
 from ctcbs_ros.twin.simulated_cable import elastic
 from ctcbs_ros.twin.turns import Flown, Flying, of_length, refined_turns_search, turns_search
 
@@ -54,20 +55,27 @@ def motion_in_time_search(
         )
         if fine.motion is None:
             return not_repeating(fine, flight.wind, speed)
-        slopes = yield from _derivatives(coarse, flight, scaled)
+        found = yield from _derivatives(coarse, flight, scaled)
     except (ArithmeticError, InputError) as error:
         return str(error)
-    if slopes is None:
+    if found is None:
         return not_repeating(fine, flight.wind, speed)
+    slopes, others = found
     motion = fine.motion
     motion = replace(motion, residual=hypot(motion.residual, _LEFT_TOO * fine.left))
     waves = np.stack([fourier(motion.values), *slopes], axis=1)
-    return LinearMotion(flight, motion, waves, source=MotionSource.IN_TIME, state=fine.state)
+    seen = decay([flown.changes for flown in (coarse, fine, *others)])
+    return LinearMotion(
+        flight, motion, waves, source=MotionSource.IN_TIME, state=fine.state, decay=seen
+    )
 
 
 def _derivatives(base: Flown, flight: Flight, scaled: Scaled):
-    """Of the waves by ln radius, ln rate and wind [m/s], by differences; None without motions."""
-    waves, found = fourier(base.motion.values), []
+    """Of the waves by ln radius, ln rate and wind [m/s], and the flights that they are from.
+
+    By differences; None without motions.
+    """
+    waves, found, others = fourier(base.motion.values), [], []
     speed = flight.radius * flight.rate
     for steps in np.eye(3):
         # By less of each where more leads nowhere.
@@ -81,7 +89,8 @@ def _derivatives(base: Flown, flight: Flight, scaled: Scaled):
             if flown.motion is not None:
                 unit = step * speed if steps[2] else log(1.0 + step)
                 found.append((fourier(flown.motion.values) - waves) / unit)
+                others.append(flown)
                 break
         else:
             return None
-    return found
+    return found, others

@@ -33,6 +33,7 @@ from ctcbs_ros.prediction.prediction import MotionInWind, MotionSource
 from ctcbs_ros.prediction.wind_reasons import ALONE, NO_STRETCH, not_found
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import SteadyState
+from ctcbs_ros.twin.decay import Decay
 
 # What the wind's own uncertainty leaves worth knowing: 0.1 m of a radius of 100 m, at most 2 m,
 # and 6 m where only a coarse motion is found; the covariance has it.
@@ -123,6 +124,8 @@ class LinearMotion:
         Of a motion in time, at a turn's end.
     beside : tuple of (PeriodicMotion, float)
         Those that the derivatives are from, each with its step in ln radius, ln rate or wind.
+    decay : Decay or None
+        Of a motion in time, as its turns came to the same.
     """
 
     flight: Flight
@@ -132,6 +135,7 @@ class LinearMotion:
     source: MotionSource = MotionSource.PERIODIC
     state: CableState | None = field(default=None, repr=False)
     beside: tuple[tuple[PeriodicMotion, float], ...] = field(default=(), repr=False)
+    decay: Decay | None = None
 
     def at(self, flight: Flight, columns=slice(None)) -> np.ndarray:
         """The waves of a flight nearby, with their derivatives, (orders, 4, 3, columns)."""

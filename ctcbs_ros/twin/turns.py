@@ -18,6 +18,7 @@ from ctcbs_ros.periodic.elements import interpolated
 from ctcbs_ros.periodic.motion import PeriodicMotion
 from ctcbs_ros.periodic.tow_path import TowPath
 from ctcbs_ros.solver.parameters import Parameters
+from ctcbs_ros.twin.decay import decay
 
 # Times of a turn that are kept, odd as `fourier` wants them; pieces that a turn is flown in, and
 # points through which the tow point's path goes.
@@ -73,9 +74,8 @@ class Flown:
         Why there is none.
     left : float
         Greatest change from the turn before; where it was not `approached`, of late [a].
-    growth_rate : float
-        Of what was left, per radian of orbit, by the changes from turn to turn; nan where those
-        tell nothing.
+    changes : (k,) ndarray
+        From each turn to the next, root mean square of the end mass's way over the turn [a].
     turns : int
     least_distance, greatest_distance : float
         Of the end mass from the circle's axis, over the last turns [a].
@@ -88,12 +88,17 @@ class Flown:
     motion: PeriodicMotion | None
     reason: str
     left: float = nan
-    growth_rate: float = nan
+    changes: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
     turns: int = 0
     least_distance: float = nan
     greatest_distance: float = nan
     slack: float = nan
     state: CableState | None = field(default=None, repr=False)
+
+    @property
+    def growth_rate(self) -> float:
+        """Of what was left, per radian of orbit, by `changes`; nan where those tell nothing."""
+        return decay([self.changes]).growth_rate
 
 
 def turns_search(
@@ -170,7 +175,9 @@ def _a_turn(line: Line, driven: Drive, state: CableState, how: Flying):
 
 
 def _judged(parameters, path, line, orbits, last, state, done) -> Flown:
-    changes = np.abs(np.diff(orbits, axis=0)).max(axis=(1, 2))
+    steps = np.diff(orbits, axis=0)
+    changes = np.abs(steps).max(axis=(1, 2))
+    sizes = np.sqrt(np.mean(np.sum(steps**2, axis=2), axis=1))
     late = orbits[-1:] if done else orbits[-SPAN:]
     distance = np.hypot(late[..., 0], late[..., 1])
     left = float(changes[-1]) if done else float(changes[-SPAN:].max(initial=0.0))
@@ -185,17 +192,9 @@ def _judged(parameters, path, line, orbits, last, state, done) -> Flown:
             f"{distance.min():.2f} and {distance.max():.2f} tow radii from the circle's axis"
         )
     return Flown(
-        motion, reason, left, _growth(changes), len(orbits), float(distance.min()),
+        motion, reason, left, sizes, len(orbits), float(distance.min()),
         float(distance.max()), float((strain <= 0.0).any(axis=1).mean()), state,
     )  # fmt: skip
-
-
-def _growth(changes) -> float:
-    """Per radian, by the later half of the changes from turn to turn."""
-    late = changes[len(changes) // 2 :] if len(changes) > 3 else changes[-2:]
-    if len(late) < 2 or not np.all(late > 0.0):
-        return nan
-    return float(np.polyfit(np.arange(len(late)), np.log(late), 1)[0]) / (2.0 * pi)
 
 
 def _round(path: TowPath):

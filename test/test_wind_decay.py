@@ -1,0 +1,101 @@
+"""The margin of a motion in wind that is found in time only: the decay that its turns show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.dynamics.cable import drive, simulate
+from ctcbs_ros.dynamics.equilibrium import equilibrium
+from ctcbs_ros.dynamics.line import line_of
+from ctcbs_ros.dynamics.signal import constant, spline
+from ctcbs_ros.periodic.tow_path import GROUND_SPEED
+from ctcbs_ros.pieces import drained
+from ctcbs_ros.prediction.wind_growth import growth_search
+from ctcbs_ros.prediction.wind_in_time import motion_in_time_search
+from ctcbs_ros.prediction.wind_motion import Flight
+from ctcbs_ros.scaling import flight_point
+from ctcbs_ros.solver.stability import stability
+from ctcbs_ros.solver.steady_state import steady_states
+from ctcbs_ros.twin.decay import decay
+from ctcbs_ros.twin.simulated_cable import elastic
+
+DRONE = load_configuration("small_drone")
+TURN = 2.0 * np.pi
+
+
+def scaled(radius, speed):
+    return flight_point(DRONE, radius, speed, 1.225).parameters
+
+
+def decay_after_a_gust(parameters, wind):
+    """Growth rate per radian: a cable settled in a tenth more wind, until that is gone."""
+    line = line_of(elastic(parameters))
+    # Of the stretch alone, a tenth of critical: without it such waves go on for ever.
+    wave = (line.stiffness / line.mass_per_length) ** 0.5
+    line = replace(line, damping=0.1 * line.length / (np.pi * wave))
+    times = np.linspace(0.0, TURN, 181)
+    circle = np.stack([np.cos(times), np.sin(times), 0.0 * times], axis=1)
+    circle[-1] = circle[0]
+    tow = spline(times, circle, periodic=True)
+    begun = equilibrium(steady_states(parameters).states[0], 32)
+    before, after = (drive(line, tow, constant((speed, 0.0, 0.0))) for speed in (1.1 * wind, wind))
+    turns = 4
+    later = np.linspace(0.0, TURN, 51)[1:]
+    runs = []
+    for driven in (before, after):
+        state, seen = begun, []
+        for _ in range(7):
+            state = replace(simulate(line, driven, state, [TURN]).end, time=0.0)
+        for _ in range(turns):
+            motion = simulate(line, after, state, later, 1e-5)
+            state = replace(motion.end, time=0.0)
+            seen.append(motion.positions[:, 0])
+        runs.append(np.array(seen))
+    apart = np.linalg.norm(runs[1] - runs[0], axis=2)
+    sizes = np.log(np.sqrt(np.mean(apart**2, axis=1)))
+    return np.polyfit(np.arange(turns), sizes, 1)[0] / TURN
+
+
+@pytest.mark.parametrize(
+    ("radius", "speed", "wind"), [(40.0, 24.0, 5.83), (60.0, 18.0, 1.8), (68.4, 18.0, 6.9)]
+)
+def test_the_margin_of_a_motion_in_time_is_the_decay_after_a_gust(radius, speed, wind):
+    state = steady_states(scaled(radius, speed)).states[0]
+    p = state.parameters
+    cable = p.length * radius, p.end_mass * radius, p.cable_drag / radius
+    flight = Flight(radius, speed / radius, wind, GROUND_SPEED, cable)
+    solved = drained(motion_in_time_search(flight, scaled, state, None))
+    found = drained(growth_search(solved, stability(state).functions))
+    assert np.isnan(found.frequency)
+    assert found.nearest_loss is None
+    after_a_gust = decay_after_a_gust(p, wind / speed)
+    assert found.at(flight) == pytest.approx(after_a_gust, rel=0.15)
+
+
+def test_a_common_decay_is_the_slope_of_all_flights_with_what_they_scatter_by():
+    rate, turns = -0.3, np.arange(5)
+    exact = [size * np.exp(rate * TURN * turns) for size in (0.09, 0.03)]
+    found = decay(exact)
+    assert found.growth_rate == pytest.approx(rate, rel=1e-9)
+    assert found.known
+    # neither what is large nor what is lost in the steps' error counts
+    more = [np.concatenate([[0.5, 0.4], exact[0], [1e-6, 1e-6]]), exact[1]]
+    assert decay(more).growth_rate == pytest.approx(rate, rel=1e-9)
+    rng = np.random.default_rng(1)
+    drawn = [
+        decay([one * np.exp(rng.normal(0.0, 0.2, 5)) for one in exact[:2]]) for _ in range(300)
+    ]
+    off = np.array([(d.growth_rate - rate) / d.sigma for d in drawn])
+    assert 0.9 < np.sqrt(np.mean(off**2)) < 1.5  # few points: Student's, 3 to 5 left over
+
+
+def test_a_decay_that_few_turns_or_scattered_ones_tell_is_not_known():
+    assert not decay([]).known
+    assert not decay([np.array([1e-2])]).known
+    two = decay([np.array([1e-2, 1e-3])])
+    assert two.growth_rate == pytest.approx(np.log(0.1) / TURN)
+    assert not two.known  # nothing to judge it by
+    assert not decay([np.array([1e-2, 1e-3, 5e-3, 1e-4]), np.array([1e-2, 8e-3])]).known
+    assert not decay([1e-3 * 1.1 ** np.arange(9)]).known  # grows
