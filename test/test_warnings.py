@@ -389,7 +389,7 @@ def test_before_a_drift_can_be_seen_the_wind_past_the_circle_may_be_all_of_it_or
     early = [share(p) for p in flown[: seen.index(True)]]
     assert np.mean(early) == pytest.approx(1.0 / 3.0, rel=0.4)
     assert min(early) > 0.1
-    assert share(flown[-1]) < 0.02
+    assert share(flown[-10]) < 0.02  # the last lie where it leaves the circle
 
 
 def test_a_wind_that_is_hardly_known_is_told(orbit):
