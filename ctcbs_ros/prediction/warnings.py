@@ -17,7 +17,7 @@ WIND_NOT_KNOWN = "wind is not known; the position holds in still air only"
 # not to be used, and the wind's standard deviation from which one cannot tell. An end mass hangs
 # up to a dozen times that share of the tow radius downwind.
 _WINDY = 0.005
-_UNSURE = 0.1
+_UNSURE = 0.03
 # Standard deviations of the orbit to a fold below which it may have been passed.
 _SURELY_BEFORE = 3.0
 
