@@ -162,7 +162,7 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
             )  # fmt: skip
         jump.legend(loc="best", frameon=False)
     else:
-        nothing = "no change of speed or tow radius within reach makes the end mass jump"
+        nothing = "in still air no change of speed or tow radius in reach makes the end mass jump"
         _say_instead(jump, nothing if len(time) else "no prediction")
 
     _draw_warnings(strip, samples, codes)
