@@ -6,6 +6,8 @@ import os
 import pty
 import socket
 import sys
+import termios
+from pathlib import Path
 
 import pytest
 from links import collect, free_port
@@ -18,12 +20,21 @@ from ctcbs_ros.telemetry.mavlink import open_link
 from ctcbs_ros.telemetry.transport import Reconnecting
 
 
-def test_udp_listens_on_loopback_unless_told_otherwise(link):
-    port = free_port()
-    source = link(f"udpin:{port}")
-    assert source._transport._socket.getsockname() == ("127.0.0.1", port)
-    other = free_port()
-    assert link(f"udpin:0.0.0.0:{other}")._transport._socket.getsockname()[0] == "0.0.0.0"
+@pytest.mark.parametrize(
+    ("kind", "table"), [(socket.SOCK_DGRAM, "udp"), (socket.SOCK_STREAM, "tcp")]
+)
+def test_links_listen_on_loopback_unless_told_otherwise(link, kind, table):
+    def listening(port):
+        """Addresses that the system says somebody listens on at a port."""
+        lines = Path(f"/proc/net/{table}").read_text().splitlines()[1:]
+        local = [line.split()[1].split(":") for line in lines]
+        return {address for address, number in local if int(number, 16) == port}
+
+    port, other = free_port(kind), free_port(kind)
+    link(f"{table}in:{port}")
+    assert listening(port) == {"0100007F"}  # 127.0.0.1, as Linux shows it
+    link(f"{table}in:0.0.0.0:{other}")
+    assert listening(other) == {"00000000"}
 
 
 def test_port_that_is_taken_is_refused():
@@ -179,9 +190,11 @@ def test_serial_device_may_be_unplugged_and_plugged_in_again(link, tmp_path):
     send = Sender()
     ends = pty.openpty()
     plug.symlink_to(os.ttyname(ends[1]))
-    source = link(str(plug), baud=115200)
+    source = link(str(plug), baud=57600)
     for boot_ms in (1000, 3000):
         wait_for(lambda: source._transport.trouble == "")
+        *_, input_speed, output_speed, _ = termios.tcgetattr(ends[1])
+        assert input_speed == output_speed == termios.B57600
         os.write(ends[0], send(heartbeat()) + send(position(boot_ms)))
         assert collect(source, 1)[0].time == boot_ms / 1000
         plug.unlink()
