@@ -1,12 +1,10 @@
-"""The real node in its own process: start, end, parameters, logs, live links."""
+"""The real node in its own process: start, end, parameters, logs."""
 
 import json
 import re
 import signal
-import socket
 import subprocess
 import sys
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -360,68 +358,3 @@ def test_paced_log_takes_its_time_and_the_node_exits_at_its_end(tmp_path, drone_
         )
     seconds = [sample.time for sample in open_log(drone_log)]
     assert end - ready > 0.99 * (seconds[-1] - seconds[0]) / 40.0
-
-
-# --- a live link --------------------------------------------------------------------------------
-
-# Sends a log over and over, a position each 0.01 s.
-SENDER = """
-import socket, sys, time
-to = ("127.0.0.1", int(sys.argv[1]))
-link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-from pymavlink import mavutil
-while True:
-    source = mavutil.mavlink_connection(sys.argv[2])
-    while (message := source.recv_match()) is not None:
-        link.sendto(message.get_msgbuf(), to)
-        if message.get_type() == "GLOBAL_POSITION_INT":
-            time.sleep(0.01)
-"""
-
-
-@contextmanager
-def sending(log, port):
-    """The log sent to a port by a process that is killed at the end."""
-    process = subprocess.Popen([sys.executable, "-c", SENDER, str(port), str(log)])
-    try:
-        yield
-    finally:
-        process.kill()
-        process.wait()
-
-
-def test_live_link_outlives_its_sender(tmp_path, drone_log, drone_table):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    parameters = {
-        "mavlink.url": f"udpin:127.0.0.1:{port}",
-        "table.file": quoted(str(drone_table)),
-        "limits.stale_after": 0.5,
-        "diagnostics.period": 0.1,
-    }
-    with RunningNode(tmp_path, parameters) as node:
-        poses = node.messages(PoseWithCovarianceStamped, "/predictor/end_mass/pose", 100)
-        markers = node.messages(MarkerArray, "/predictor/cable", 100)
-        arrays = node.messages(DiagnosticArray, "/diagnostics")
-        node.wait_until_ready()
-
-        def telemetry():
-            return arrays[-1].status[0] if arrays else None
-
-        with sending(drone_log, port):
-            node.wait_until(lambda: len(poses) > 20 and markers)
-            node.wait_until(
-                lambda: telemetry() is not None and telemetry().level != DiagnosticStatus.ERROR
-            )
-        node.wait_until(
-            lambda: "STALE_TELEMETRY" in telemetry().message
-            and telemetry().level == DiagnosticStatus.ERROR
-        )
-        node.wait_until(
-            lambda: {marker.action for marker in markers[-1].markers} == {Marker.DELETE}
-        )
-        before = len(poses)
-        with sending(drone_log, port):
-            node.wait_until(lambda: len(poses) > before + 20)
-        assert node.end() == 0, node.output
