@@ -10,8 +10,10 @@ from ctcbs_ros.dynamics import signal
 from ctcbs_ros.dynamics.cable import CableState, drive, simulate
 from ctcbs_ros.dynamics.line import line_of
 from ctcbs_ros.periodic.floquet import exponents_and_frequencies, floquet
-from ctcbs_ros.periodic.solve import periodic_motion
+from ctcbs_ros.periodic.solve import coarse_search, periodic_motion
+from ctcbs_ros.periodic.tension import under_tension
 from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED, TowPath
+from ctcbs_ros.pieces import drained
 from ctcbs_ros.solver.stability import eigenvalues, stability
 from ctcbs_ros.solver.steady_state import steady_states
 
@@ -34,6 +36,29 @@ def test_without_wind_the_growth_rate_is_the_steady_states(point, damping):
     assert found.band == expected.band
     assert found.converged
     assert found.stable == expected.stable
+
+
+@pytest.mark.parametrize("point", [STRETCHED, design(250.0)])
+def test_the_tension_that_a_coarse_motion_needs_is_the_steady_states(point):
+    (state,) = steady_states(parameters(point)).states
+    coarse = drained(coarse_search(state, TowPath(GROUND_SPEED, 0.0), 1e-2)).motion
+    slope, _, _ = under_tension(coarse, 12, np.array([0.0, 1.0]))
+    found = coarse.parameters.gamma * (np.linalg.norm(slope, axis=-1) - 1.0)
+    nodes = 0.5 * coarse.parameters.length * (1.0 + np.polynomial.legendre.leggauss(12)[0])
+    expected = np.linalg.norm(state.cable(nodes)[1], axis=-1)
+    assert found == pytest.approx(np.stack([expected, expected]), rel=5e-3)
+
+
+def test_the_tension_that_a_damped_motion_in_wind_needs_is_that_of_its_stretch():
+    _, motion = moving(STRETCHED, GROUND_SPEED, 0.1, 0.05)
+    when = np.array([0.3, 2.0, 4.0])
+    slope, _, _ = under_tension(motion, 9, when)
+    nodes = 0.5 * motion.parameters.length * (1.0 + np.polynomial.legendre.leggauss(9)[0])
+    h = 1e-4
+    for time, row in zip(when, slope, strict=True):
+        apart = (motion.cable(time, nodes + h) - motion.cable(time, nodes - h)) / (2.0 * h)
+        assert row == pytest.approx(apart, abs=2e-4)
+        assert (np.linalg.norm(apart, axis=1) > 1.05).all()
 
 
 def test_without_wind_frequencies_are_those_of_all_slow_modes():

@@ -14,14 +14,15 @@ from ctcbs_ros.dynamics.line import line_of
 from ctcbs_ros.dynamics.signal import constant, spline
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.periodic.circle import Circle, end_mass_position, end_mass_velocity, motion_on
-from ctcbs_ros.periodic.floquet import floquet, least_damped_search
+from ctcbs_ros.periodic.floquet import floquet
 from ctcbs_ros.periodic.fourier import at_times
 from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED
 from ctcbs_ros.pieces import drained
 from ctcbs_ros.prediction import wind_follower
+from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.prediction import MarginOf
+from ctcbs_ros.prediction.warnings import stability_warnings
 from ctcbs_ros.prediction.wind_follower import WindFollower
-from ctcbs_ros.prediction.wind_growth import growth_search
 from ctcbs_ros.prediction.wind_motion import Flight, linear_motion_search
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.stability import stability
@@ -340,14 +341,9 @@ def test_in_hardly_any_wind_the_margin_is_that_of_still_air(name):
     assert margin.nearest_loss == still.nearest_loss
 
 
-def test_nothing_is_said_of_the_stability_of_a_motion_known_too_coarsely_for_it():
+def test_the_margin_is_known_with_the_coarse_motion_already_and_remains():
     name, orbit = "small drone", orbit_of(60.0, 0.3)
-    flight = Flight(60.0, 0.3, 3.0, GROUND_SPEED, (1.0, 1.0, 1.0))
     state = steady_states(scaled(name)(60.0, 18.0)).states[0]
-    coarse = drained(linear_motion_search(flight, scaled(name), state, None))
-    functions = stability(state).functions
-    assert floquet_of_coarse(coarse, functions) > 0.0  # and yet
-    assert drained(growth_search(coarse, functions)) is None
     follower, wind = WindFollower(), np.array([3.0, 0.0])
     told = []
     for _ in range(100):
@@ -357,11 +353,27 @@ def test_nothing_is_said_of_the_stability_of_a_motion_known_too_coarsely_for_it(
     assert told[0].of is MarginOf.NOT_YET
     assert told[0].stable is None
     assert np.isnan(told[0].settling_time)
-    assert told[-1].of is MarginOf.WIND
-    assert told[-1].stable
+    first = next(i for i, margin in enumerate(told) if margin.known)
+    assert first < 12
+    assert all(margin.stable for margin in told[first:])
+    assert told[first].per_radian == pytest.approx(told[-1].per_radian, rel=0.03)
 
 
-def floquet_of_coarse(coarse, functions):
-    return drained(
-        least_damped_search(coarse.motion, functions, coarse.motion.parameters.band, 64)
-    ).growth_rate
+def test_a_margin_that_cannot_be_told_is_said_to_be_unknown_once_and_for_all(monkeypatch):
+    name = "small drone"
+    monkeypatch.setattr(wind_follower, "growth_search", lambda *_: (w for w in (0.1, 0.1)))
+    state = steady_states(scaled(name)(60.0, 18.0)).states[0]
+    follower, wind = WindFollower(), np.array([3.0, 0.0])
+    told = []
+    for i in range(150):  # over two turns: each begins a finer search
+        orbit = replace(orbit_of(60.0, 0.3 * (1.0 + 3e-4 * i)), time=0.3 * i)
+        motion = follower.update(orbit, scaled(name), state, wind, np.eye(2), GROUND_SPEED)
+        if motion is not None:
+            told.append(motion.margin.of)
+    changes = [i for i in range(1, len(told)) if told[i] is not told[i - 1]]
+    assert [told[0], told[-1]] == [MarginOf.NOT_YET, MarginOf.NOT_KNOWN]
+    assert len(changes) == 1
+    assert changes[0] < 10
+    assert not follower.judging
+    (warning,) = stability_warnings(motion.margin, load_configuration("small_drone").limits)
+    assert warning.code is WarningCode.MARGIN_UNKNOWN

@@ -1,22 +1,23 @@
 """Stability of a periodic motion: Floquet exponents of the modes that no wind shows in the band.
 
 The linearised motion is integrated over one turn in the rotating frame, where without wind its
-matrix is constant and the exponents are the eigenvalues of `ctcbs_ros.solver.stability`.
+matrix is constant and the exponents are the eigenvalues of `ctcbs_ros.solver.stability`. The
+cable's tension is the one that the motion needs (`ctcbs_ros.periodic.tension`): so a motion in the
+few orders that make up its place has its exponents as well.
 """
 
 from collections.abc import Generator
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from math import pi
 from typing import NamedTuple
 
 import numpy as np
 
 from ctcbs_ros.kernels.galerkin import basis
-from ctcbs_ros.periodic.elements import at_arc_lengths
 from ctcbs_ros.periodic.forces import end_drag, forces
-from ctcbs_ros.periodic.fourier import at_times, fourier, times
 from ctcbs_ros.periodic.motion import PeriodicMotion
+from ctcbs_ros.periodic.tension import under_tension
 from ctcbs_ros.pieces import drained
 from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.stability import ABSOLUTE, FUNCTIONS, RELATIVE
@@ -95,9 +96,11 @@ def floquet(motion: PeriodicMotion, functions: int = FUNCTIONS[0], band: float |
 
 def floquet_search(
     motion: PeriodicMotion, functions: int = FUNCTIONS[0], band: float | None = None,
-    most_functions: int = FUNCTIONS[-1], most_steps: int = _STEPS[-1],
+    most_functions: int = FUNCTIONS[-1], most_steps: int = _STEPS[-1], relative: float = RELATIVE,
 ) -> Generator[float, None, Floquet]:
     """As `floquet`, piece by piece and with no more than so many functions and steps.
+
+    `relative` is what counts as converged instead of 1 %.
 
     Yields the work of each piece in the unit of `ctcbs_ros.periodic.newton.work`.
     """  # fmt: skip
@@ -108,23 +111,23 @@ def floquet_search(
     allowed = [steps for steps in _STEPS if steps <= most_steps]
     before, steps = None, 0
     for n in counts:
-        found, steps, good = yield from _converged_steps(motion, n, band, allowed, steps)
-        if before is not None and n >= functions and _agree(before, found.growth_rate):
+        found, steps, good = yield from _converged_steps(motion, n, band, allowed, steps, relative)
+        if before is not None and n >= functions and _agree(before, found.growth_rate, relative):
             return Floquet(found.growth_rate, found.frequency, band, n, good, found.diverges)
         before = found.growth_rate
     return Floquet(found.growth_rate, found.frequency, band, n, False, found.diverges)
 
 
-def _agree(before: float, growth: float) -> bool:
-    return abs(growth - before) <= max(RELATIVE * abs(growth), ABSOLUTE)
+def _agree(before: float, growth: float, relative: float) -> bool:
+    return abs(growth - before) <= max(relative * abs(growth), ABSOLUTE)
 
 
-def _converged_steps(motion, n: int, band: float, allowed: list[int], first: int):
+def _converged_steps(motion, n: int, band: float, allowed: list[int], first: int, relative):
     """The least damped mode, the index of the steps needed, and whether they sufficed."""
     before = yield from least_damped_search(motion, n, band, allowed[first])
     for i in range(first + 1, len(allowed)):
         found = yield from least_damped_search(motion, n, band, allowed[i])
-        if _agree(before.growth_rate, found.growth_rate):
+        if _agree(before.growth_rate, found.growth_rate, relative):
             return found, i - 1, True
         before = found
     return before, len(allowed) - 1, False
@@ -139,10 +142,10 @@ class Mode(NamedTuple):
 
 
 def least_damped_search(
-    motion: PeriodicMotion, n: int, band: float, steps: int, smooth: bool = False
+    motion: PeriodicMotion, n: int, band: float, steps: int
 ) -> Generator[float, None, Mode]:
-    """The least damped mode in the band, piece by piece; see `exponents_search`."""
-    exponents, frequencies = yield from exponents_search(motion, n, steps, smooth)
+    """The least damped mode in the band, piece by piece; see `exponents_and_frequencies`."""
+    exponents, frequencies = yield from exponents_search(motion, n, steps)
     # On a slow orbit even the pendulum may swing faster than the band: then it is what counts.
     inside = np.flatnonzero(frequencies <= max(band, frequencies.min() * (1.0 + 1e-9)))
     worst = inside[np.argmax(exponents[inside].real)]
@@ -166,20 +169,14 @@ def exponents_and_frequencies(motion: PeriodicMotion, n: int, steps: int):
 
 
 def exponents_search(
-    motion: PeriodicMotion, n: int, steps: int, smooth: bool = False
+    motion: PeriodicMotion, n: int, steps: int
 ) -> Generator[float, None, tuple[np.ndarray, np.ndarray]]:
-    """As `exponents_and_frequencies`, piece by piece.
-
-    Between the times at which the motion was solved it is what its orders make it, or, where
-    `smooth` is wanted, the forces' derivatives are what their own orders make them. What the two
-    differ by is what the motion is not known well enough for.
-    """
+    """As `exponents_and_frequencies`, piece by piece."""
     maps, turn = [], np.eye(6 * n)
     share = (n / 100.0) ** 3
     at_once = max(1, int(_AT_ONCE / (_STEP_WORK * share)))
-    linearised = _smoothed(motion, n) if smooth else partial(_linearised, motion, n)
     for first in range(0, steps, at_once):
-        some = _step_maps(linearised, n, steps, range(first, min(first + at_once, steps)))
+        some = _step_maps(motion, n, steps, range(first, min(first + at_once, steps)))
         for step in some:
             turn = step @ turn
         maps += some
@@ -203,12 +200,12 @@ def exponents_search(
     return exponents, np.where(np.isfinite(frequencies), frequencies, 0.0)
 
 
-def _step_maps(linearised, n: int, steps: int, some) -> list[np.ndarray]:
+def _step_maps(motion: PeriodicMotion, n: int, steps: int, some) -> list[np.ndarray]:
     """What some of so many steps make of place and rate in the rotating frame, (6 n, 6 n) each."""
     a, nodes = _radau(3)
     h = 2.0 * pi / steps
     when = h * (np.array(some)[:, None] + nodes)
-    damping, stiffness = linearised(when.ravel())
+    damping, stiffness = _linearised(motion, n, when.ravel())
     p, s = 3 * n, nodes.size
     damping = damping.reshape(len(some), s, p, p)
     stiffness = stiffness.reshape(len(some), s, p, p)
@@ -230,31 +227,18 @@ def _step_maps(linearised, n: int, steps: int, some) -> list[np.ndarray]:
     return maps
 
 
-def _smoothed(motion: PeriodicMotion, n: int):
-    """`_linearised` as the orders of its values at the motion's own times have it."""
-    waves = [fourier(m) for m in _linearised(motion, n, times(motion.values.shape[0]))]
-    return lambda when: [at_times(wave, when) for wave in waves]
-
-
 def _linearised(motion: PeriodicMotion, n: int, when):
     """Damping and stiffness of small motions in the rotating frame at k times, (k, 3 n, 3 n)."""
     p = motion.parameters
     f = _functions(n, p.length, p.end_mass)
-    waves = fourier(motion.values)
-    here, rate = at_times(waves, when), at_times(waves, when, 1)
-    velocity = motion.path.motion(when)[1] - [motion.path.air_velocity, 0.0, 0.0]
-
-    def at_nodes(values, order):
-        """In the rotating frame, (k, q, 3)."""
-        return _back(np.moveaxis(at_arc_lengths(values, p.length, f.nodes, order), 1, -1), when)
-
-    through = at_nodes(rate, 0) + _back(velocity[:, None, :], when)
-    local = forces(p, at_nodes(here, 1), through, at_nodes(rate, 1))
-    _, by_ball = end_drag(p, _back(velocity + rate[:, :, 0], when))
+    slope, through, opening = under_tension(motion, f.weights.size, when)
+    local = forces(p, _back(slope, when), _back(through, when), _back(opening, when))
+    end = motion.end_mass_velocity(when) - [motion.path.air_velocity, 0.0, 0.0]
+    _, by_ball = end_drag(p, _back(end, when))
 
     def pairs(test, shape, field):
         products = (test[:, None] * shape[None, :] * f.weights).reshape(n * n, -1)
-        blocks = products @ field.reshape(when.size, f.nodes.size, 9)
+        blocks = products @ field.reshape(when.size, f.weights.size, 9)
         blocks = np.moveaxis(blocks.reshape(when.size, n, n, 3, 3), 3, 2)
         return blocks.reshape(when.size, 3 * n, 3 * n)
 
@@ -280,7 +264,6 @@ def _back(vectors: np.ndarray, when: np.ndarray) -> np.ndarray:
 class _Functions:
     """n functions over the whole cable, orthonormal in the mass form: those of the vibration."""
 
-    nodes: np.ndarray
     weights: np.ndarray
     value: np.ndarray
     slope: np.ndarray
@@ -299,7 +282,7 @@ def _functions(n: int, length: float, end_mass: float) -> _Functions:
     mass += end_mass * np.outer(value[:, -1], value[:, -1])
     lower = np.linalg.cholesky(mass)
     value, slope = np.linalg.solve(lower, value), np.linalg.solve(lower, slope)
-    return _Functions(nodes, weights, value[:, :-1], slope[:, :-1], value[:, -1])
+    return _Functions(weights, value[:, :-1], slope[:, :-1], value[:, -1])
 
 
 @lru_cache(maxsize=4)

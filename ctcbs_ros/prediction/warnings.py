@@ -11,8 +11,12 @@ from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump, Margin,
 from ctcbs_ros.prediction.wind_choice import described
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
-GROUND_NOT_JUDGED = "nor is its height above the ground judged"
+GROUND_NOT_JUDGED = "nor are its stability and its height above the ground judged"
 WIND_NOT_KNOWN = "wind is not known; the position holds in still air only"
+MARGIN_NOT_KNOWN = (
+    "whether the motion in this wind is stable is not known, nor how soon it settles; "
+    "fly a wider circle or wait for less wind"
+)
 # Speed of the air past the circle, over that along it, from which the prediction for still air is
 # not to be used, and the wind's standard deviation from which one cannot tell. An end mass hangs
 # up to a dozen times that share of the tow radius downwind.
@@ -135,7 +139,8 @@ def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) ->
     found = []
     if end_mass.others:
         found.append(_warn(WarningCode.MULTIPLE_SOLUTIONS, _states_told(end_mass)))
-    found += stability_warnings(end_mass.margin, limits)
+    if end_mass.holds:
+        found += stability_warnings(end_mass.margin, limits)
     found += jump_warnings(
         end_mass.jump_in_speed, end_mass.jump_in_radius, limits, end_mass.fold_distance,
         in_a_wind=end_mass.in_wind is not None or not end_mass.holds,
@@ -145,7 +150,13 @@ def end_mass_warnings(end_mass: EndMass, cable: Cable, limits: WarningLimits) ->
 
 
 def stability_warnings(margin: Margin, limits: WarningLimits) -> list[Warning]:
-    """UNSTABLE, or else LOW_MARGIN; none where the margin is not known."""
+    """UNSTABLE, or else LOW_MARGIN; MARGIN_UNKNOWN where that cannot be told.
+
+    None while the margin is still being computed, some seconds; nor in a wind the motion in which
+    is not known, which WIND_UNMODELLED tells.
+    """
+    if margin.of is MarginOf.NOT_KNOWN:
+        return [_warn(WarningCode.MARGIN_UNKNOWN, MARGIN_NOT_KNOWN)]
     if not margin.known:
         return []
     where = " in this wind" if margin.of is MarginOf.WIND else ""

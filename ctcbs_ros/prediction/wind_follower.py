@@ -72,6 +72,8 @@ class WindFollower:
         self._search = self._sought = None
         # How stable it is; the motion last judged, and the one being judged.
         self._growth: LinearGrowth | None = None
+        # Flight on which that could not be told; it stands until it can, or the flight is another.
+        self._untold: Flight | None = None
         self._judged: LinearMotion | None = None
         self._judging = None
         # Whether the search is for the same motion, finer; when one such was begun.
@@ -88,8 +90,8 @@ class WindFollower:
 
     @property
     def judging(self) -> bool:
-        """Whether it is still open how stable the motion is."""
-        return self.searching or self._solved is not self._judged
+        """Whether it is still open how stable the motion is, and has not been found untellable."""
+        return self._untold is None and (self.searching or self._solved is not self._judged)
 
     def update(
         self,
@@ -147,6 +149,7 @@ class WindFollower:
             found = _some_of(self._judging)
             if found is not None:
                 self._growth = found.value or self._growth
+                self._untold = self._solved.flight if found.value is None else None
                 self._judging, self._judged = None, self._solved
         if self._solved is None or self._solved.flight.distance(flight) > _USED:
             if self._search is not None:
@@ -223,6 +226,8 @@ class WindFollower:
     def _margin(self, flight: Flight) -> Margin:
         """How stable the motion on a flight is, as far as that is known."""
         known = self._growth
+        if self._untold is not None and self._untold.distance(flight) > _USED:
+            self._untold = None
         if known is None or known.flight.distance(flight) > _GROWTH_USED:
             return Margin(MarginOf.NOT_YET if self.judging else MarginOf.NOT_KNOWN)
         margin = -known.at(flight)

@@ -1,26 +1,29 @@
 """How stable the motion in the wind is: its Floquet exponent, and how that changes nearby.
 
-Where that is not known, of a motion in time: the decay of what its flights began with. Exponents
-only of a motion that is known well enough: between the times at which a stiff cable's motion was
-solved, few orders leave a tension that is none, and exponents that are none either.
+Of a coarse motion and of one in time as of any other, unless the highest of its orders matter to
+the exponent. Where that is not known, of a motion in time: the decay of what its flights began
+with.
 """
 
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, nan
 
 import numpy as np
 
 from ctcbs_ros.periodic.floquet import floquet_search, least_damped_search
+from ctcbs_ros.periodic.fourier import at_times, fourier, times
+from ctcbs_ros.periodic.motion import PeriodicMotion
 from ctcbs_ros.prediction.wind_motion import Flight, LinearMotion
 from ctcbs_ros.solver.stability import DIVERGENCE, FLUTTER, FUNCTIONS
 
-# Two ways to pass between the motion's times may differ by this share, or per radian by this.
-_KNOWN, _CLOSE = 0.05, 1e-3
-# Steps a turn of what is only compared; the most of all, and of a coarse motion, which is soon
-# known better; and the most functions: with those a piece of the work takes a tenth of a second.
-_STEPS, _MOST_STEPS, _COARSE_STEPS = 16, 64, 32
-_MOST_FUNCTIONS = 40
+# What the highest third of the orders may change of an exponent, as a share of it, or per radian.
+_KNOWN, _CLOSE = 0.1, 1e-3
+# What more functions or steps may change of it.
+_CONVERGED = 0.02
+# Steps a turn of what is only compared, the most of all, and the most functions, unless still air
+# needs more: so much is done within some seconds.
+_STEPS, _MOST_STEPS, _MOST_FUNCTIONS = 16, 32, 27
 
 
 @dataclass(frozen=True)
@@ -80,12 +83,13 @@ def _exponent_search(solved: LinearMotion, functions: int):
     band = motion.parameters.band
     few = max((n for n in FUNCTIONS if n < functions), default=functions)
     rough = yield from least_damped_search(motion, few, band, _STEPS)
-    smooth = yield from least_damped_search(motion, few, band, _STEPS, smooth=True)
-    apart = abs(rough.growth_rate - smooth.growth_rate)
-    if apart > max(_KNOWN * abs(rough.growth_rate), _CLOSE):
+    fewer = yield from least_damped_search(_in_fewer_orders(motion), few, band, _STEPS)
+    apart = abs(rough.growth_rate - fewer.growth_rate)
+    if not apart <= max(_KNOWN * abs(rough.growth_rate), _CLOSE):
         return None
-    most = (functions, _COARSE_STEPS) if solved.coarse else (_MOST_FUNCTIONS, _MOST_STEPS)
-    found = yield from floquet_search(motion, functions, band, *most)
+    found = yield from floquet_search(
+        motion, functions, band, max(functions, _MOST_FUNCTIONS), _MOST_STEPS, _CONVERGED
+    )
     if not found.converged:
         return None
     slopes = []  # none where the motion was flown in time
@@ -96,3 +100,11 @@ def _exponent_search(solved: LinearMotion, functions: int):
     return LinearGrowth(
         solved.flight, found.growth_rate, found.frequency, loss, np.array(slopes or [0.0] * 3)
     )
+
+
+def _in_fewer_orders(motion: PeriodicMotion) -> PeriodicMotion:
+    """The same without the highest third of its orders."""
+    orders = motion.values.shape[0] // 2
+    count = 2 * (orders - orders // 3) + 1
+    waves = fourier(motion.values)[: count // 2 + 1]
+    return replace(motion, values=at_times(waves, times(count)), factors=None)

@@ -35,6 +35,7 @@ WARNINGS = {
     WarningCode.JUMPED: "the end mass has jumped to another steady state",
     WarningCode.UNSTABLE: "the steady state is unstable",
     WarningCode.LOW_MARGIN: "disturbances decay slowly",
+    WarningCode.MARGIN_UNKNOWN: "how stable the motion in the wind is is not known",
     WarningCode.TENSION_LIMIT: "tension above the allowed share of the breaking tension",
     WarningCode.GROUND_PROXIMITY: "the end mass is below the least height allowed",
     WarningCode.WIND_UNMODELLED: "the prediction is for still air",
