@@ -1,0 +1,130 @@
+"""Pictures of a replay: colours, legends, what is not known, each by its drawn parts."""
+
+import csv
+
+import numpy as np
+import pytest
+from replays import DRONE
+
+from ctcbs_ros import plots
+from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.replay.tables import (
+    PREDICTION_COLUMNS,
+    PREDICTIONS,
+    SAMPLE_COLUMNS,
+    SAMPLES,
+)
+
+
+def table_of(names, rows=()):
+    return {name: [str(row.get(name, "")) for row in rows] for name in names}
+
+
+def shown(figure, directory):
+    """The figure drawn, which is what gives its parts their places."""
+    figure.savefig(directory / "figure.png")
+    return figure
+
+
+def test_orbits_of_the_track_are_told_apart_by_their_colours(tmp_path):
+    orbits = [
+        {"turns": 2.0, "radius_m": 60.0 + i, "end_mass_radius_m": 30.0, "start_s": 10 * i,
+         "end_s": 10 * i + 9}
+        for i in range(8)
+    ]  # fmt: skip
+    rows = [
+        {"time_s": t, "orbit_center_east_m": 100.0 * (t // 10), "orbit_center_north_m": 0.0}
+        for t in range(80)
+    ]
+    predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+    figure = shown(plots.track_figure(predictions, samples, orbits), tmp_path)
+    lines = figure.axes[0].lines
+    colors = [line.get_color() for line in lines if str(line.get_label()).startswith("orbit ")]
+    assert len(set(colors)) == 8
+    others = {plots.TOW, plots.MASS, plots.REST, plots.BEACON_COLOR}
+    assert not set(colors) & others
+
+
+@pytest.mark.parametrize(
+    ("rows", "why"), [([], "the log has no sample"), ([{"skip": "BAD_FIX"}], "no sample was")]
+)
+def test_of_a_log_without_believed_samples_no_picture_is_drawn_and_why_is_told(
+    rows, why, tmp_path
+):
+    for name, columns, content in (
+        (PREDICTIONS, PREDICTION_COLUMNS, []), (SAMPLES, SAMPLE_COLUMNS, rows),
+    ):  # fmt: skip
+        with open(tmp_path / name, "w", newline="") as file:
+            writer = csv.DictWriter(file, columns)
+            writer.writeheader()
+            writer.writerows(content)
+    limits = load_configuration(DRONE).limits
+    assert plots.write_plots(tmp_path, [], limits, "flight").startswith(why)
+    assert not list(tmp_path.glob("*.png"))
+
+
+def test_legend_of_the_track_lies_inside_the_picture_with_as_many_orbits_as_are_drawn(tmp_path):
+    orbits = [
+        {"turns": 112.34, "radius_m": 1000.0 + i, "end_mass_radius_m": 1000.12, "start_s": 10 * i,
+         "end_s": 10 * i + 9}
+        for i in range(10)
+    ]  # fmt: skip
+    rows = [
+        {"time_s": t, "orbit_center_east_m": 0.0, "orbit_center_north_m": 0.0} for t in range(100)
+    ]
+    predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+    figure = shown(plots.track_figure(predictions, samples, orbits), tmp_path)
+    (legend,) = figure.legends
+    assert len(legend.texts) == 3 + plots.MOST_ORBITS
+    place = legend.get_window_extent()
+    assert figure.bbox.x0 <= place.x0
+    assert place.x1 <= figure.bbox.x1
+    assert figure.bbox.y0 <= place.y0
+    assert place.y1 < figure.axes[0].get_window_extent().y0
+
+
+def test_pictures_of_a_flight_without_a_prediction_say_so(tmp_path):
+    rows = [{"time_s": t} for t in range(100)]
+    predictions, samples = table_of(PREDICTION_COLUMNS), table_of(SAMPLE_COLUMNS, rows)
+    figure = shown(plots.end_mass_figure(predictions, samples), tmp_path)
+    assert [[t.get_text() for t in axes.texts] for axes in figure.axes] == [["no prediction"]] * 3
+    limits = load_configuration(DRONE).limits
+    figure = shown(plots.margin_figure(predictions, samples, limits), tmp_path)
+    assert [t.get_text() for t in figure.axes[1].texts] == ["no prediction"]
+
+
+def test_jumps_by_radius_alone_are_drawn_and_none_is_said_to_be_none_of_either(tmp_path):
+    limits = load_configuration(DRONE).limits
+    for jump, shown_as in ((-0.07, "of the tow radius, at this speed"), ("", None)):
+        rows = [
+            {"time_s": t, "margin_per_s": 0.1, "jump_radius_relative": jump} for t in range(100)
+        ]
+        predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+        axes = shown(plots.margin_figure(predictions, samples, limits), tmp_path).axes[1]
+        if shown_as:
+            (line,) = [line for line in axes.lines if line.get_label() == shown_as]
+            assert line.get_ydata() == pytest.approx(-7.0)
+        else:
+            assert "no change of speed or tow radius" in axes.texts[0].get_text()
+
+
+def test_what_is_predicted_before_the_end_mass_has_settled_is_drawn_fainter(tmp_path):
+    rows = [
+        {"time_s": t, "end_mass_radius_m": 30.0 + 0.01 * (t % 2), "end_mass_depth_m": 100.0,
+         "end_mass_height_above_home_m": 50.0 + 0.1 * (t % 2), "settled": t > 40,
+         "pose_holds": True, "wind_source": "flight", "orbit_center_east_m": 5.0,
+         "orbit_center_north_m": 0.0, "orbit_center_up_m": 160.0, "end_mass_east_m": 35.0,
+         "end_mass_north_m": 0.01 * (t % 2), "end_mass_up_m": 60.0}
+        for t in range(100)
+    ]  # fmt: skip
+    predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+    figure = shown(plots.end_mass_figure(predictions, samples), tmp_path)
+    settled, settling = figure.axes[0].lines
+    assert settled.get_label() == "predicted, settled"
+    assert np.isfinite(settled.get_ydata()).sum() == 59
+    assert np.isfinite(settling.get_ydata()).sum() == 41
+    assert settling.get_alpha() < settled.get_alpha()
+    # Noise is not blown up to fill the picture.
+    assert figure.axes[0].get_ylim()[0] == 0.0
+    low, high = figure.axes[2].get_ylim()
+    assert high - low >= plots.LEAST_SPAN

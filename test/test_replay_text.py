@@ -1,0 +1,137 @@
+"""What the summary of a replay says in words: warnings, skips, times, wind."""
+
+import re
+from math import log
+
+import pytest
+
+from ctcbs_ros.prediction.codes import WarningCode
+from ctcbs_ros.replay.motion_kind import IN_WIND, UNKNOWN, UNMODELLED
+from ctcbs_ros.replay.text import SKIPS, WARNINGS, summary_text
+from ctcbs_ros.telemetry.skip_code import SkipCode
+
+
+def test_text_of_the_summary_explains_each_warning_and_each_skip(core_replay):
+    summary = core_replay[1] | {"wall_s": 1.0, "skipped": {"JUMP": 3, "BAD_FIX": 11}}
+    text = summary_text(summary)
+    assert "clockwise" in text
+    for code in [*summary["warnings"], *summary["skipped"]]:
+        assert re.search(rf"\d+  {code} +\w+ \w+", text), text
+
+
+def test_every_code_has_an_explanation():
+    assert set(SKIPS) == set(SkipCode)
+    assert set(WARNINGS) == set(WarningCode)
+
+
+def test_text_of_a_flight_without_orbit_says_so(core_replay):
+    nothing = core_replay[1] | {"wall_s": 1.0, "orbits": [], "skipped": {}, "warnings": {}}
+    assert "No orbit of 0.9 turns or more was flown; the predictions are of shorter arcs." in (
+        summary_text(nothing)
+    )
+    assert "turns or more was flown." in summary_text(nothing | {"predictions": 0})
+
+
+@pytest.mark.parametrize(
+    ("seen", "said"),
+    [
+        (0, "wind is not known; the"), (7, "there is wind; the"),
+        (3, "there is wind (3), or it is not known (4); the"),
+    ],
+)  # fmt: skip
+def test_text_of_the_summary_tells_wind_that_is_seen_from_wind_that_is_not_known(
+    core_replay, seen, said
+):
+    windy = core_replay[1] | {"wall_s": 1.0, "warnings": {"WIND_UNMODELLED": 7}, "wind_seen": seen}
+    assert f"WIND_UNMODELLED     {said} prediction is for still air" in summary_text(windy)
+
+
+def test_text_of_the_summary_says_which_orbits_were_too_short_to_settle_on(core_replay):
+    (orbit,) = core_replay[1]["orbits"]
+    flown = orbit["end_s"] - orbit["start_s"]
+    orbits = [orbit | {"settling_time_s": t} for t in (flown - 1.0, flown + 1.0, None)]
+    text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": orbits})
+    assert "Left before the end mass had settled: orbits 2, 3. It need" in text
+    assert "Left before" not in summary_text(
+        core_replay[1] | {"wall_s": 1.0, "orbits": orbits[:1]}
+    )
+    assert orbit["settling_time_s"] == pytest.approx(log(20.0) / orbit["margin_per_s"])
+
+
+def test_text_of_the_summary_says_what_its_seconds_are(core_replay):
+    records, summary = core_replay
+    first = next(record for record in records if record["skip"] is None)
+    assert summary["start"] == {key: first[key] for key in ("vehicle_time_s", "stamp_ns")}
+    text = summary_text(summary | {"wall_s": 1.0})
+    told = f"the first believed sample, at {first['vehicle_time_s']:.1f} s of the vehicle's clock."
+    assert told in text
+    assert "From, to: where the track came onto the circle and left it" in text
+    nothing = summary | {"wall_s": 1.0, "start": {"vehicle_time_s": None, "stamp_ns": None}}
+    assert "first believed sample" not in summary_text(nothing)
+
+
+@pytest.mark.parametrize(
+    ("skipped", "warned", "told"),
+    [
+        ({"JUMP": 2, "DUPLICATE": 5}, 2, "a position was not believed\n"),
+        ({"JUMP": 2}, 3, "a position was not believed (2), or used after a step, with the orbit"),
+        ({"DUPLICATE": 5}, 1, "a position was used after a step, with the orbit begun anew (1)"),
+    ],
+)
+def test_text_of_the_summary_tells_positions_not_believed_from_those_after_a_step(
+    core_replay, skipped, warned, told
+):
+    summary = core_replay[1] | {"wall_s": 1.0, "skipped": skipped, "warnings": {"BAD_FIX": warned}}
+    assert f"{warned}  BAD_FIX             {told}" in summary_text(summary)
+
+
+def test_text_of_the_summary_gives_no_direction_of_a_wind_weaker_than_its_error(core_replay):
+    (orbit,) = core_replay[1]["orbits"]
+    calm = orbit | {"wind_source": "flight", "wind_speed_m_s": 0.02, "wind_from_deg": None}
+    text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [calm]})
+    assert "Wind at the end of orbit 1: 0.0 m/s, by the flight" in text
+
+
+def test_text_of_the_summary_tells_where_the_end_mass_is_in_wind(core_replay):
+    (orbit,) = core_replay[1]["orbits"]
+    windy = orbit | {
+        "wind_source": "flight", "wind_speed_m_s": 7.0, "wind_from_deg": 359.7,
+        "end_mass_motion": IN_WIND,
+        "wind_unmodelled_share": 0.25, "end_mass_least_depth_m": 80.2,
+        "end_mass_greatest_depth_m": 145.4, "end_mass_lowest_above_home_m": 61.0,
+        "end_mass_downwind_m": 55.2, "end_mass_crosswind_m": -27.4,
+        "end_mass_horizontal_std_m": 9.1, "end_mass_excursion_m": 47.0,
+    }  # fmt: skip
+    text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [windy]})
+    assert "about a place 55 m downwind and 27 m to the right of the circle's centre" in text
+    assert "up to 47 m from there, 80 to 145 m below the circle, lowest 61 m above" in text
+    assert "; +- 9 m" in text
+    assert "7.0 m/s from 0 deg" in text
+    row = next(line for line in text.splitlines() if line.startswith("    1  "))
+    assert "in wind, see below" in row
+    assert "In 25% of the predictions on orbit 1 the motion in its wind was not known" in text
+
+
+@pytest.mark.parametrize(
+    ("motion", "told"),
+    [
+        (UNKNOWN, "Nobody knew the wind on orbit 1"),
+        (UNMODELLED, "In brackets: figures of still air, which do not hold on orbit 1"),
+    ],
+)
+def test_text_of_the_summary_marks_figures_of_still_air(core_replay, motion, told):
+    (orbit,) = core_replay[1]["orbits"]
+    text = summary_text(
+        core_replay[1] | {"wall_s": 1.0, "orbits": [orbit | {"end_mass_motion": motion}]}
+    )
+    assert told in text
+    row = next(line for line in text.splitlines() if line.startswith("    1  "))
+    assert (f"({orbit['end_mass_radius_m']:.2f})" in row) == (motion == UNMODELLED)
+
+
+def test_text_of_the_summary_counts_one_and_many(core_replay):
+    link = core_replay[1]["link"] | {"lost": 1, "bad_bytes": 2, "bad_runs": 1}
+    link["time_steps"] = {"reboot": 1, "wrap": 2}
+    text = summary_text(core_replay[1] | {"wall_s": 1.0, "link": link})
+    assert "; 1 message lost, 2 damaged bytes in 1 place, " in text
+    assert "2 wraps of the vehicle's clock, 1 reboot\n" in text
