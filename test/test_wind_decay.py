@@ -1,6 +1,7 @@
 """The margin in wind of coarse motions and of those in time, against the decay after a gust."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -27,8 +28,9 @@ DRONE = load_configuration("small_drone")
 TURN = 2.0 * np.pi
 
 
-def scaled(radius, speed):
-    return flight_point(DRONE, radius, speed, 1.225).parameters
+def scaled(radius, speed, stiffer=1.0):
+    cable = replace(DRONE.cable, youngs_modulus=stiffer * DRONE.cable.youngs_modulus)
+    return flight_point(replace(DRONE, cable=cable), radius, speed, 1.225).parameters
 
 
 def decay_after_a_gust(parameters, wind):
@@ -60,28 +62,43 @@ def decay_after_a_gust(parameters, wind):
     return np.polyfit(np.arange(turns), sizes, 1)[0] / TURN
 
 
-def flight_of(radius, speed, wind):
+def flight_of(radius, speed, wind, stiffer=1.0):
     """The steady state in still air, and the flight in the wind."""
-    state = steady_states(scaled(radius, speed)).states[0]
+    state = steady_states(scaled(radius, speed, stiffer)).states[0]
     p = state.parameters
     cable = p.length * radius, p.end_mass * radius, p.cable_drag / radius
     return state, Flight(radius, speed / radius, wind, GROUND_SPEED, cable)
 
 
-def in_time(radius, speed, wind):
+def in_time(radius, speed, wind, stiffer=1.0):
     """The functions that still air needs, and the motion in time."""
-    state, flight = flight_of(radius, speed, wind)
-    return stability(state).functions, drained(motion_in_time_search(flight, scaled, state, None))
+    state, flight = flight_of(radius, speed, wind, stiffer)
+    of_such = partial(scaled, stiffer=stiffer)
+    return stability(state).functions, drained(motion_in_time_search(flight, of_such, state, None))
 
 
 @pytest.mark.parametrize(
-    ("radius", "speed", "wind"), [(40.0, 24.0, 5.83), (60.0, 18.0, 1.8), (68.4, 18.0, 6.9)]
-)
-def test_the_margin_of_a_motion_in_time_is_the_decay_after_a_gust(radius, speed, wind):
-    functions, solved = in_time(radius, speed, wind)
+    ("radius", "speed", "wind", "stiffer"),
+    [
+        (40.0, 24.0, 5.83, 1.0), (60.0, 18.0, 1.8, 1.0), (68.4, 18.0, 6.9, 1.0),
+        (83.0, 20.8, 4.4, 25.0),
+    ],
+)  # fmt: skip
+def test_the_margin_of_a_motion_in_time_is_the_decay_after_a_gust(radius, speed, wind, stiffer):
+    functions, solved = in_time(radius, speed, wind, stiffer)
     found = drained(growth_search(solved, functions))
-    after_a_gust = decay_after_a_gust(scaled(radius, speed), wind / speed)
-    assert found.at(solved.flight) == pytest.approx(after_a_gust, rel=0.1)
+    assert found.frequency > 0.5
+    after_a_gust = decay_after_a_gust(scaled(radius, speed, stiffer), wind / speed)
+    assert found.at(solved.flight) == pytest.approx(after_a_gust, rel=0.05)
+
+
+def test_the_margin_of_a_motion_in_time_changes_with_the_flight():
+    functions, solved = in_time(68.4, 18.0, 6.9)
+    _, there = in_time(69.8, 18.0, 7.1)
+    found, expected = (drained(growth_search(one, functions)) for one in (solved, there))
+    change = expected.growth_rate - found.growth_rate
+    assert abs(change) > 0.02
+    assert found.at(there.flight) - found.growth_rate == pytest.approx(change, rel=0.3)
 
 
 @pytest.mark.parametrize(

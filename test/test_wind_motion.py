@@ -377,3 +377,38 @@ def test_a_margin_that_cannot_be_told_is_said_to_be_unknown_once_and_for_all(mon
     assert not follower.judging
     (warning,) = stability_warnings(motion.margin, load_configuration("small_drone").limits)
     assert warning.code is WarningCode.MARGIN_UNKNOWN
+
+
+def test_a_flight_that_leaves_no_time_to_find_out_is_said_to_have_a_margin_not_known(monkeypatch):
+    name = "small drone"
+    monkeypatch.setattr(wind_follower, "growth_search", lambda *_: (0.3 for _ in range(10**9)))
+    state = steady_states(scaled(name)(60.0, 18.0)).states[0]
+    follower, wind = WindFollower(), np.array([3.0, 0.0])
+    told = {}
+    for i in range(60):
+        orbit = replace(orbit_of(60.0, 0.3), time=0.3 * i)
+        motion = follower.update(orbit, scaled(name), state, wind, np.eye(2), GROUND_SPEED)
+        if motion is not None:
+            told[orbit.time] = motion.margin.of
+    half_a_turn = min(told) + np.pi / 0.3
+    for time, of in told.items():
+        assert of is (MarginOf.NOT_YET if time <= half_a_turn else MarginOf.NOT_KNOWN)
+
+
+def test_a_coarse_motion_that_cannot_be_known_better_is_not_tried_again(monkeypatch):
+    name, count = "small drone", []
+
+    def fails(*_):
+        count.append(True)
+        yield 0.1
+        return "no better"
+
+    monkeypatch.setattr(wind_follower, "finer_motion_search", fails)
+    state = steady_states(scaled(name)(60.0, 18.0)).states[0]
+    follower, wind = WindFollower(), np.array([3.0, 0.0])
+    for factor in (1.0, 1.03):
+        for turn in range(4):
+            for _ in range(20):
+                orbit = replace(orbit_of(60.0 * factor, 0.3), time=30.0 * (turn + 10.0 * factor))
+                follower.update(orbit, scaled(name), state, wind, np.eye(2), GROUND_SPEED)
+    assert len(count) == 2  # one for each motion solved

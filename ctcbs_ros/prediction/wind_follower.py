@@ -6,7 +6,7 @@ is found, the cable is flown in time until its turns are the same.
 """
 
 from dataclasses import dataclass, replace
-from math import inf, pi
+from math import inf, nan, pi
 
 import numpy as np
 
@@ -74,11 +74,13 @@ class WindFollower:
         self._growth: LinearGrowth | None = None
         # Flight on which that could not be told; it stands until it can, or the flight is another.
         self._untold: Flight | None = None
+        self._open_since = nan
         self._judged: LinearMotion | None = None
         self._judging = None
         # Whether the search is for the same motion, finer; when one such was begun.
         self._refining = False
         self._refined_at = -inf
+        self._unrefined: LinearMotion | None = None  # which could not be
         self._state: SteadyState | None = None
         self._failed: _Failed | None = None
         self.reason = ""
@@ -157,7 +159,7 @@ class WindFollower:
             return None
         try:
             motion = motion_in_wind(self._solved, orbit, flight, velocity, covariance)
-            return replace(motion, margin=self._margin(flight))
+            return replace(motion, margin=self._margin(flight, orbit.time))
         except InputError as error:  # beside it lies a wind as fast as the aircraft
             self.reason = str(error)
             return None
@@ -219,17 +221,25 @@ class WindFollower:
 
     def _may_be_finer(self, time: float) -> bool:
         """Whether a coarse motion is to be solved finer: once a turn at most."""
-        if self._solved is None or not self._solved.coarse:
+        if self._solved is None or not self._solved.coarse or self._solved is self._unrefined:
             return False
         return time - self._refined_at > 2.0 * pi / self._solved.flight.rate
 
-    def _margin(self, flight: Flight) -> Margin:
-        """How stable the motion on a flight is, as far as that is known."""
+    def _margin(self, flight: Flight, time: float) -> Margin:
+        """How stable the motion on a flight is, as far as that is known.
+
+        A flight that moves on and on may leave no time to find out: after half a turn it is "not
+        known" then, for a warning to say so.
+        """
         known = self._growth
         if self._untold is not None and self._untold.distance(flight) > _USED:
             self._untold = None
         if known is None or known.flight.distance(flight) > _GROWTH_USED:
-            return Margin(MarginOf.NOT_YET if self.judging else MarginOf.NOT_KNOWN)
+            if not self._open_since <= time:
+                self._open_since = time
+            soon = self.judging and time - self._open_since <= pi / flight.rate
+            return Margin(MarginOf.NOT_YET if soon else MarginOf.NOT_KNOWN)
+        self._open_since = nan
         margin = -known.at(flight)
         return Margin(
             MarginOf.WIND, margin, margin * flight.rate, known.frequency * flight.rate,
@@ -238,7 +248,8 @@ class WindFollower:
 
     def _take(self, found: LinearMotion | str) -> None:
         if isinstance(found, str) and self._refining:
-            return  # the coarse one stays
+            self._unrefined = self._solved  # the coarse one stays
+            return
         if isinstance(found, str):
             self._solved, self.reason = None, found
             self._judged = self._judging = None

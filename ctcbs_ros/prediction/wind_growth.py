@@ -23,7 +23,7 @@ _KNOWN, _CLOSE = 0.1, 1e-3
 _CONVERGED = 0.02
 # Steps a turn of what is only compared, the most of all, and the most functions, unless still air
 # needs more: so much is done within some seconds.
-_STEPS, _MOST_STEPS, _MOST_FUNCTIONS = 16, 32, 27
+_STEPS, _MOST_STEPS, _MOST_FUNCTIONS = 16, 64, 18
 
 
 @dataclass(frozen=True)
@@ -92,13 +92,15 @@ def _exponent_search(solved: LinearMotion, functions: int):
     )
     if not found.converged:
         return None
-    slopes = []  # none where the motion was flown in time
+    slopes = []
+    if solved.known_as is not None:
+        rough = yield from least_damped_search(solved.known_as, few, band, _STEPS)
     for beside, step in solved.beside:
         there = yield from least_damped_search(beside, few, beside.parameters.band, _STEPS)
         slopes.append((there.growth_rate - rough.growth_rate) / step)
     loss = DIVERGENCE if found.diverges else FLUTTER
     return LinearGrowth(
-        solved.flight, found.growth_rate, found.frequency, loss, np.array(slopes or [0.0] * 3)
+        solved.flight, found.growth_rate, found.frequency, loss, np.array(slopes)
     )
 
 

@@ -64,14 +64,16 @@ def motion_in_time_search(
     motion = fine.motion
     motion = replace(motion, residual=hypot(motion.residual, _LEFT_TOO * fine.left))
     waves = np.stack([fourier(motion.values), *slopes], axis=1)
-    seen = decay([flown.changes for flown in (coarse, fine, *others)])
+    seen = decay([flown.changes for flown in (coarse, fine, *(flown for flown, _ in others))])
     return LinearMotion(
-        flight, motion, waves, source=MotionSource.IN_TIME, state=fine.state, decay=seen
-    )
+        flight, motion, waves, source=MotionSource.IN_TIME, state=fine.state,
+        beside=tuple((flown.motion, unit) for flown, unit in others), known_as=coarse.motion,
+        decay=seen,
+    )  # fmt: skip
 
 
 def _derivatives(base: Flown, flight: Flight, scaled: Scaled):
-    """Of the waves by ln radius, ln rate and wind [m/s], and the flights that they are from.
+    """Of the waves by ln radius, ln rate and wind [m/s]; the flights they are from, with steps.
 
     By differences; None without motions.
     """
@@ -89,7 +91,7 @@ def _derivatives(base: Flown, flight: Flight, scaled: Scaled):
             if flown.motion is not None:
                 unit = step * speed if steps[2] else log(1.0 + step)
                 found.append((fourier(flown.motion.values) - waves) / unit)
-                others.append(flown)
+                others.append((flown, unit))
                 break
         else:
             return None

@@ -124,6 +124,8 @@ class LinearMotion:
         Of a motion in time, at a turn's end.
     beside : tuple of (PeriodicMotion, float)
         Those that the derivatives are from, each with its step in ln radius, ln rate or wind.
+    known_as : PeriodicMotion or None
+        The motion as well as those beside it are known, where that is not `motion`.
     decay : Decay or None
         Of a motion in time, as its turns came to the same.
     """
@@ -135,6 +137,7 @@ class LinearMotion:
     source: MotionSource = MotionSource.PERIODIC
     state: CableState | None = field(default=None, repr=False)
     beside: tuple[tuple[PeriodicMotion, float], ...] = field(default=(), repr=False)
+    known_as: PeriodicMotion | None = field(default=None, repr=False)
     decay: Decay | None = None
 
     def at(self, flight: Flight, columns=slice(None)) -> np.ndarray:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from math import hypot, nan, pi
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ctcbs_ros.dynamics.cable import CableState, Drive, drive, simulate
 from ctcbs_ros.dynamics.line import Line, line_of
@@ -215,10 +216,11 @@ def _in_elements(positions, length: float) -> np.ndarray:
     """Coefficients of the shapes, (k, n + 1, 3), as `PeriodicMotion` has them: (k, 3, m)."""
     nodes = np.linspace(0.0, length, positions.shape[1])
     shapes = np.moveaxis(positions - positions[:, -1:], 1, 2)
+    # Not along straight segments: a stiff cable's small motions go by the direction of each point.
+    through = CubicSpline(nodes, np.eye(nodes.size))
 
     def at(arc_lengths):
-        part = np.stack([np.interp(arc_lengths, nodes, unit) for unit in np.eye(nodes.size)])
-        return shapes @ part
+        return shapes @ through(arc_lengths).T
 
     return interpolated(at, length, _ELEMENTS)
 
