@@ -2,11 +2,13 @@
 
 A report waits until the aircraft has been heard after it; then the prediction's motion is
 interpolated to its time. It is screened as the aircraft's samples are, by a screen of its own.
+One that counts as settled is held back for a quarter of a turn more: only then is it known that
+the aircraft was not leaving its circle, which an orbit shows late.
 """
 
 from collections import deque
-from dataclasses import dataclass
-from math import hypot, inf, isfinite
+from dataclasses import dataclass, replace
+from math import exp, hypot, inf, isfinite, pi
 
 import numpy as np
 
@@ -28,8 +30,10 @@ from ctcbs_ros.twin.simulated import Simulated, TwinState
 MOVING, LONGEST_STILL = 0.3, 5.0
 # A cable stretches by less than this part before it breaks.
 STRETCH = 0.1
-# Reports that wait for the aircraft's next position.
+# Reports that wait for the aircraft's next position, and outcomes that are held back.
 MOST_WAITING = 1_000
+# Turns for which a circle may still be seen after it was left.
+SEEN_LATE = 0.25
 # Accuracies stated as worse [m] are taken as this, so that squares of them stay finite.
 POOREST = 1e3
 
@@ -70,6 +74,8 @@ class BeaconComparer:
         self._tow_point = Motion()
         self._predicted = Motion(worst=STANDINGS)
         self._simulated = Motion(worst=STANDINGS)
+        self._held: deque[Comparison] = deque()  # in order; behind a settled one any others
+        self._hold_for = 0.0
 
     def change(self, cable_length: float) -> None:
         """Take over the cable paid out [m]."""
@@ -85,7 +91,7 @@ class BeaconComparer:
         Returns
         -------
         list of Comparison
-            The reports that waited for it.
+            The reports that waited for it, or for the circle to go on.
         """
         if prediction.skip is not None:
             return []
@@ -100,10 +106,17 @@ class BeaconComparer:
         self._tow_point.add(time, self._tow_place(prediction))
         if any(warning.code is WarningCode.JUMPED for warning in prediction.warnings):
             self._jumped_at = time
-        self._predicted.add(time, place_of(prediction, time - self._jumped_at))
+        place = place_of(prediction, self._cable_length, time - self._jumped_at)
+        self._predicted.add(time, place)
         simulated = prediction.simulated
         self._simulated.add(time, None if simulated is None else simulated_place(simulated))
-        return found + self._compare_waiting()
+        found += self._released(self._compare_waiting())
+        if place is None:
+            return found + self._all_released()
+        self._hold_for = SEEN_LATE * 2.0 * pi / prediction.orbit.angular_rate
+        if min(prediction.end_mass.time_on_orbit, time - self._jumped_at) < self._hold_for:
+            return found + self._all_released()
+        return found + self._released([])
 
     def add(self, report: BeaconSample) -> list[Comparison]:
         """Take in one report.
@@ -113,6 +126,9 @@ class BeaconComparer:
         list of Comparison
             Those that need not wait, this one among them or not.
         """
+        return self._released(self._judged(report))
+
+    def _judged(self, report: BeaconSample) -> list[Comparison]:
         sample = report.sample
         skip = self._screen.check(sample)
         if skip is not None:
@@ -145,7 +161,29 @@ class BeaconComparer:
             for waiting in self._waiting
         ]
         self._waiting.clear()
-        return found
+        return self._all_released() + found
+
+    def _released(self, found: list[Comparison]) -> list[Comparison]:
+        """Take in what reports came to; those of all so far that need not be held back."""
+        self._held.extend(found)
+        confirmed = self._tow_point.newest - self._hold_for
+        out = []
+        while self._held and (
+            len(self._held) > MOST_WAITING
+            or not self._held[0].settled
+            or self._held[0].time <= confirmed
+        ):
+            out.append(self._held.popleft())
+        return out
+
+    def _all_released(self) -> list[Comparison]:
+        """All that is held back, the settled unconfirmed: the circle does not go on."""
+        out = [
+            replace(one, outcome=Standing.UNCONFIRMED) if one.settled else one
+            for one in self._held
+        ]
+        self._held.clear()
+        return out
 
     def _compare_waiting(self) -> list[Comparison]:
         due = [waiting for waiting in self._waiting if not self._waits(waiting)]
@@ -214,10 +252,22 @@ class BeaconComparer:
         return bool(np.linalg.norm(away) > (1.0 + STRETCH) * self._cable_length + unsure)
 
 
-def place_of(prediction: Prediction, since_jump: float = inf) -> Place | None:
+def place_of(prediction: Prediction, cable_length: float, since_jump: float = inf) -> Place | None:
     """Where a prediction has the end mass, with its motion; None where it has none.
 
-    `since_jump` is for how long it has been on its branch [s].
+    Parameters
+    ----------
+    prediction : Prediction
+    cable_length : float
+        [m]
+    since_jump : float
+        For how long it has been on its branch [s].
+
+    Notes
+    -----
+    The covariance has, beside the prediction's, a share for what is left of the way there: the
+    end mass began as far away as the cable is long (one standard deviation along each axis) and
+    comes nearer as the least damped mode decays.
     """
     end_mass, orbit = prediction.end_mass, prediction.orbit
     if end_mass is None:
@@ -228,9 +278,13 @@ def place_of(prediction: Prediction, since_jump: float = inf) -> Place | None:
     velocity = (8.0 * (ahead - back) - (ahead_2 - back_2)) / (12.0 * interval)
     velocity += (*orbit.drift, orbit.climb_rate)
     covariance = np.asarray(end_mass.covariance)[:3, :3]
+    settling_for = min(end_mass.time_on_orbit, since_jump)
+    decay = end_mass.margin.per_second
+    left = exp(-decay * settling_for) if decay > 0.0 else 1.0
+    covariance = covariance + (cable_length * left) ** 2 * np.eye(3)
     if any(warning.code is WarningCode.WIND_UNMODELLED for warning in prediction.warnings):
         standing = Standing.UNMODELLED
-    elif end_mass.settled and since_jump >= end_mass.settling_time:
+    elif end_mass.holds and settling_for >= end_mass.settling_time:
         standing = Standing.SETTLED
     else:
         standing = Standing.SETTLING

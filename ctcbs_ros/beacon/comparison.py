@@ -24,6 +24,8 @@ class Standing(Enum):
     """What a prediction was worth at the time of a report."""
 
     SETTLED = "settled"  # where the end mass is: what differs is an error
+    # So it seemed, but within a quarter of a turn the circle was left, or the log was over.
+    UNCONFIRMED = "unconfirmed"
     SETTLING = "settling"  # where it will be: what differs is also the way there
     UNMODELLED = "unmodelled"  # a warning says that the position does not hold
     # Of a simulation alike: nothing is left of what it began with; something is; in a wind that

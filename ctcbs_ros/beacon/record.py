@@ -24,8 +24,8 @@ def names(candidate: str) -> tuple[str, ...]:
 def comparison_record(comparison: Comparison) -> Record:
     """All that one report of the beacon came to; None for what is not known.
 
-    "outcome" is "settled", "settling" or "unmodelled" where it was compared with the prediction,
-    else the code of why not; "simulated" alike, or None.
+    "outcome" is the prediction's `Standing` where it was compared with that, else the code of why
+    not; "simulated" alike, or None.
     """
     record: Record = {
         "vehicle_time_s": finite(comparison.time),

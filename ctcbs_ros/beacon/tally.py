@@ -22,7 +22,7 @@ class BeaconTally:
         The newest that was compared.
     predicted, simulated : dict
         `DifferenceStatistics` by `Standing`: those settled are the prediction's error, and the
-        simulation's.
+        simulation's, which follows the aircraft off its circle and is never unconfirmed.
     """
 
     def __init__(self):
@@ -31,7 +31,11 @@ class BeaconTally:
         self.times_by: Counter[str] = Counter()
         self.newest: Comparison | None = None
         self.predicted = {standing: DifferenceStatistics() for standing in Standing}
-        self.simulated = {standing: DifferenceStatistics() for standing in Standing}
+        self.simulated = {
+            standing: DifferenceStatistics()
+            for standing in Standing
+            if standing is not Standing.UNCONFIRMED
+        }
 
     def add(self, comparison: Comparison) -> None:
         """Take in one more."""

@@ -24,7 +24,7 @@ from ctcbs_ros.telemetry.topics import TopicSamples
 
 # Standard deviations off that chance leaves one in a thousand.
 UNEXPLAINED = 4.0
-# As far off as this, the way to where it settles is hardly the reason, nor is still air.
+# As far off as this, a wind that is not modelled is hardly the reason.
 FAR = 100.0
 
 
@@ -134,9 +134,10 @@ def _told(newest: Comparison) -> tuple[bytes, str]:
         f"{found.horizontal:.1f} m beside and {found.enu[2]:+.1f} m above the prediction, "
         f"{found.distance:.1f} standard deviations ({outcome.value})"
     )
-    if found.distance <= (UNEXPLAINED if outcome is Standing.SETTLED else FAR):
+    unmodelled = outcome is Standing.UNMODELLED
+    if found.distance <= (FAR if unmodelled else UNEXPLAINED):
         return DiagnosticStatus.OK, text
-    why = "" if outcome is Standing.SETTLED else f"unless it is so for being {outcome.value}, "
+    why = "unless it is so for being unmodelled, " if unmodelled else ""
     return DiagnosticStatus.WARN, f"{text}; {why}check cable.length, end mass, drag and beacon"
 
 

@@ -51,6 +51,7 @@ UNMATCHED = {
 STANDINGS = {
     "predicted": {
         Standing.SETTLED: "predicted, settled",
+        Standing.UNCONFIRMED: "predicted, circle's end",
         Standing.SETTLING: "predicted, still settling",
         Standing.UNMODELLED: "predicted, wind unmodelled",
     },
@@ -319,15 +320,16 @@ def _beacon_lines(beacon: dict[str, Any]) -> Iterator[str]:
     figures = {text: found for text, found in figures.items() if found["count"]}
     if figures:
         yield (
-            "Measured minus                         mean m               rms m   95 % within m"
-            "   in stated"
+            "Measured minus                    mean m                +- (1 sigma) m"
+            "           rms m   95 % within m   in stated"
         )
         yield (
-            "                            count   east   north      up  horiz.    up  horiz.    up"
-            "   95 %"
+            "                            count    east   north      up   east  north     up"
+            "  horiz.    up  horiz.    up   95 %"
         )
     for text, found in figures.items():
         mean = "".join(f"{value:8.2f}" for value in found["mean_m"])
+        mean += "".join(f"{value:7.2f}" for value in found["mean_std_m"])
         yield (
             f"  {text:26}{found['count']:5}{mean}{found['rms_horizontal_m']:8.2f}"
             f"{found['rms_up_m']:6.2f}{found['horizontal_95_m']:8.2f}{found['vertical_95_m']:6.2f}"
@@ -335,7 +337,14 @@ def _beacon_lines(beacon: dict[str, Any]) -> Iterator[str]:
         )
     settled = beacon["measured_minus_predicted"][Standing.SETTLED.value]
     if settled["count"]:
-        yield "What is settled is the prediction's error, with the beacon's own; the rest is not."
+        yield (
+            "What is settled is the prediction's error, with the beacon's own and what is left of "
+            "the entry; the rest is not."
+        )
+        yield (
+            "+-: stated of the mean, with what is left of the entry: a cable's length that decays "
+            "by the margin."
+        )
     if settled["count"] >= _ENOUGH and settled["share_inside_95"] < 0.5:
         yield (
             "Of what is settled most is outside of where the stated errors put it: check "
