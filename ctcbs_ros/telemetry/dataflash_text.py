@@ -9,6 +9,7 @@ from ctcbs_ros.telemetry.dataflash import WANTED
 from ctcbs_ros.telemetry.link import LinkStatistics
 
 START = re.compile(rb"(?m)^FMT, ?\d+, ?\d+, ?\w{1,4},")
+NAME = re.compile(r"\w{1,4}", re.ASCII)
 LONGEST_LINE = 4096  # bytes; a message has 255 at most
 
 
@@ -62,6 +63,8 @@ class LineSplitter:
 
     def _declare(self, values: list[str]) -> None:
         kind, length, name, layout, *columns = values
+        if not NAME.fullmatch(name):
+            raise ValueError(name)
         self._formats[name] = None
         usable = WANTED.get(name, {None}).issubset(columns) and len(columns) == len(layout)
         if usable:

@@ -154,7 +154,8 @@ class UlogSplitter(MessageSplitter):
                 self._declare(content)
             case "A":
                 instance, number = struct.unpack_from("<BH", content)
-                self._topics[number] = content[3:].decode(), instance
+                name = content[3:].decode()
+                self._topics[number] = name if name in self._wanted else "", instance
             case "R":
                 self._topics.pop(int.from_bytes(content[:2], "little"), None)
             case "I" | "P":
