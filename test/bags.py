@@ -71,7 +71,9 @@ def wind(stamp_ns, velocity):
     return make("geometry_msgs/TwistWithCovarianceStamped", header(stamp_ns), with_covariance)
 
 
-def write_bag(folder, messages, kind="db3", delay_ns=40_000_000, compression=None):
+def write_bag(
+    folder, messages, kind="db3", delay_ns=40_000_000, compression=None, altered=lambda data: data
+):
     """Write (topic, message) as received some time after their stamps; returns the folder."""
     writer = Writer(folder, version=9, storage_plugin=PLUGINS[kind])
     if compression:
@@ -86,5 +88,5 @@ def write_bag(folder, messages, kind="db3", delay_ns=40_000_000, compression=Non
             stamp = message.header.stamp
             received = stamp.sec * 10**9 + stamp.nanosec + delay_ns
             data = TYPES.serialize_cdr(message, message.__msgtype__)
-            writer.write(connections[topic], received, data)
+            writer.write(connections[topic], received, altered(bytes(data)))
     return folder

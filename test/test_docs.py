@@ -29,7 +29,8 @@ from ctcbs_ros.solver.steady_state import steady_states
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = ("README.md", "docs/architecture.md", "docs/theory.md", "docs/thesis.md",
-             "docs/orbit.md", "docs/telemetry.md", "docs/twin.md", "docs/validation.md")  # fmt: skip
+             "docs/orbit.md", "docs/telemetry.md", "docs/twin.md",
+             "docs/validation.md")  # fmt: skip
 THESIS = (ROOT / "docs" / "thesis.md").read_text(encoding="utf-8")
 # Folders in which a document may leave out the way to a file.
 ROOMS = [ROOT, ROOT / "ctcbs_ros", ROOT / "test", ROOT / "docs"]

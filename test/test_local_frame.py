@@ -46,6 +46,28 @@ def test_the_datum_is_ellipsoidal_where_both_altitudes_are_told():
     assert local.position == pytest.approx(np.zeros(3), abs=1e-6)
 
 
+@pytest.mark.parametrize("wrong", [-30_000.0, 500.0, 460.0])
+def test_one_wrong_height_beside_the_one_used_moves_neither_geoid_nor_home(wrong):
+    frame = LocalFrame()
+    for number in range(10):
+        sample = at(20.0 * number, 0.0, 5.0)
+        if number in (4, 8):
+            sample = replace(sample, altitude_ellipsoid=wrong, height_above_home=wrong)
+        local = frame.localize(sample)
+        assert frame.datum.altitude == pytest.approx(452.0, abs=1e-6)
+        assert local.home_up == pytest.approx(-305.0, abs=0.1)
+
+
+def test_a_height_of_geoid_and_home_that_lasts_is_taken_over_at_its_third_sample():
+    frame = LocalFrame()
+    for _ in range(10):
+        frame.localize(FULL)
+    other = replace(FULL, altitude_ellipsoid=450.0, height_above_home=280.0)
+    told = [(frame.localize(other).home_up, frame.datum.altitude) for _ in range(3)]
+    expected = [(-300.0, 447.0), (-300.0, 447.0), (-280.0, 450.0)]
+    assert np.array(told) == pytest.approx(np.array(expected))
+
+
 def test_the_datum_is_above_sea_level_until_the_difference_is_told():
     frame = LocalFrame()
     frame.localize(replace(FULL, altitude_ellipsoid=nan))

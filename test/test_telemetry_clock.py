@@ -57,6 +57,25 @@ def test_step_ahead_that_no_receive_stamp_supports_begins_a_flight():
     assert after - before == SECOND
 
 
+def test_step_of_more_than_a_day_that_no_receive_stamp_tells_of_takes_no_time_along():
+    clock = VehicleClock()
+    assert clock.advance(5_000_000) == 5_000_000
+    # A gap of an hour may be one; a damaged counter of 64 bits is none.
+    assert clock.advance(3_605_000_000) == 3_605_000_000
+    assert clock.flight == 0
+    times = [clock.advance(boot_us) for boot_us in (2**63, 3_605_200_000, 3_605_400_000)]
+    assert times == sorted(times)
+    assert times[-1] < 3_606_000_000
+    assert clock.flight == 2
+
+
+def test_first_counter_that_no_clock_has_begins_at_nought():
+    clock = VehicleClock()
+    assert clock.advance(2**63) == 0
+    assert clock.advance(5_000_000) < 1_000_000
+    assert clock.stamp_ns(clock.advance(5_200_000)) < 10**9
+
+
 def test_gap_of_the_link_is_no_new_flight():
     clock = VehicleClock(WRAP)
     before = clock.advance(100 * SECOND, START)

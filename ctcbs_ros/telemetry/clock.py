@@ -12,6 +12,8 @@ LATE_US = 2_000_000
 # A step ahead is a link gap when the receive stamps saw the time pass, give or take this much:
 # a message that comes at once after one that came late. Recorded links show up to 0.75 s.
 GAP_TOLERANCE_US = 2_500_000
+# A step ahead that no receive stamp can tell of is a gap up to this: no flight pauses for a day.
+LONGEST_GAP_US = 86_400_000_000
 # How far the clock moves on at a reboot when no receive stamp tells.
 LEAST_STEP_US = 1_000
 # Unix time before 2000 is that of an unset clock; after 2038 it is damage, and fits no ROS stamp.
@@ -25,7 +27,8 @@ class VehicleClock:
     Attributes
     ----------
     flight : int
-        Rises by one at each reboot, and at each step ahead that the receive stamps do not support.
+        Rises by one at each reboot, and at each step ahead that the receive stamps do not support
+        or, where there are none, of more than a day.
     unix_anchor : (int, int) or None
         As the parameter, or the first that `set_unix` was told.
     told_unix_offset_us : int or None
@@ -79,8 +82,9 @@ class VehicleClock:
         if not is_unix(receive_us):
             receive_us = None
         if self._boot_us is None:
-            self._newest(boot_us, boot_us, receive_us)
-            return boot_us
+            # No clock is past 2038, since boot or since 1970: a damaged one begins at 0.
+            self._newest(boot_us, boot_us if boot_us < LATEST_UNIX_US else 0, receive_us)
+            return self._time_us
         step = boot_us - self._boot_us
         if self._wrap_us:
             half = self._wrap_us // 2
@@ -89,9 +93,10 @@ class VehicleClock:
         if receive_us is not None and self._receive_us is not None:
             elapsed = receive_us - self._receive_us
 
+        longest = LONGEST_GAP_US if elapsed is None else max(elapsed, 0) + GAP_TOLERANCE_US
         if step < -LATE_US:
             event = "reboot"
-        elif elapsed is not None and step > max(elapsed, 0) + GAP_TOLERANCE_US:
+        elif step > longest:
             event = "jump"
         elif step < 0:
             return self._time_us + step

@@ -1,7 +1,13 @@
-"""The local ENU frame (`map`) of a flight: its datum, and the heights that sources mix up."""
+"""The local ENU frame (`map`) of a flight: its datum, and the heights that sources mix up.
 
+How high the geoid and home are is the median of what five samples told: of a height beside the
+one that positions go by no screen says that it is wrong.
+"""
+
+from collections import deque
 from dataclasses import dataclass
 from math import isfinite, nan
+from statistics import median
 
 import numpy as np
 
@@ -28,6 +34,9 @@ class LocalSample:
     home_up: float
 
 
+SAMPLES = 5  # that geoid and home are the median of
+
+
 class LocalFrame:
     """Turns believed samples into local coordinates; the first geodetic one becomes the datum.
 
@@ -37,11 +46,13 @@ class LocalFrame:
 
     def __init__(self):
         self._origin: Datum | None = None
+        self._geoid_heights: deque[float] = deque(maxlen=SAMPLES)
         self._geoid_height = nan
         self.new_flight()
 
     def new_flight(self) -> None:
         """Forget where home and sea level are: another flight may know neither."""
+        self._homes_up: deque[float] = deque(maxlen=SAMPLES)
         self._home_up = nan
         self._sea_level_up = nan
 
@@ -68,7 +79,8 @@ class LocalFrame:
         """
         geoid_height = sample.altitude_ellipsoid - sample.altitude_amsl
         if isfinite(geoid_height):
-            self._geoid_height = geoid_height
+            self._geoid_heights.append(geoid_height)
+            self._geoid_height = median(self._geoid_heights)
         if isfinite(sample.latitude):
             position = self._from_geodetic(sample)
         elif self._origin is not None:
@@ -80,7 +92,8 @@ class LocalFrame:
         if position is None:
             return None
         if isfinite(sample.height_above_home):
-            self._home_up = position[2] - sample.height_above_home
+            self._homes_up.append(position[2] - sample.height_above_home)
+            self._home_up = median(self._homes_up)
         amsl = sample.altitude_amsl
         if not isfinite(amsl):
             amsl = sample.altitude_ellipsoid - self._geoid_height
