@@ -94,9 +94,8 @@ def track_figure(
     known, guessed, wrong = _wind_modelled(predictions)
     for name, where, style, label in (
         ("tow_point", known | guessed | wrong, {"color": TOW}, "tow aircraft, with a prediction"),
-        ("end_mass", wrong, NOT_TO_USE, "end mass in still air: not for the wind there is"),
-        ("end_mass", guessed, IF_STILL, "end mass, where it settles without wind (not known)"),
-        ("end_mass", known, {"color": MASS}, "end mass, where it settles"),
+        ("end_mass", guessed, IF_STILL, "end mass, where it will settle without wind (not known)"),
+        ("end_mass", known, {"color": MASS}, "end mass, where it will settle"),
     ):
         if np.count_nonzero(where) < 2:  # is no line
             continue
@@ -142,7 +141,8 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
     margin, jump, strip = figure.subplots(
         3, sharex=True, height_ratios=(3.0, 2.0 if jumps else 0.3, 0.4 + 0.35 * len(codes))
     )
-    margin.plot(*_broken(time, _column(predictions, "margin_per_s")), color=MASS)
+    decay = _column(predictions, "margin_per_s")
+    margin.plot(*_broken(time, decay), color=MASS)
     margin.axhline(0.0, color="black", linewidth=0.8)
     margin.axhline(
         limits.low_margin_per_s, color=LIMIT, linestyle="--", linewidth=1.0,
@@ -150,6 +150,8 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
     )  # fmt: skip
     margin.set_ylabel("decay rate of the\nleast damped mode [1/s]")
     margin.legend(loc="best", frameon=False)
+    if not np.isfinite(decay).any():
+        _say_instead(margin, "not known" if len(time) else "no prediction")
 
     if jumps:
         jump.set_ylabel("change that leads\nto a jump [%]")
@@ -176,9 +178,10 @@ def end_mass_figure(predictions: Table, samples: Table):
     """Distance from the circle's centre, depth and height of the end mass against time.
 
     In the motion predicted, in wind that in the wind. What is predicted for still air where the
-    wind is not known, or the motion in it is not, stands apart.
+    wind is not known stands apart, and so does the state in still air where the motion in the
+    wind is not known.
     """
-    figure = _figure(10.0, 7.0)
+    figure = _figure(10.0, 7.4)
     radius, depth, height = figure.subplots(3, sharex=True)
     time = _column(predictions, "time_s")
     others = [
@@ -199,9 +202,16 @@ def end_mass_figure(predictions: Table, samples: Table):
         - _column(predictions, f"orbit_center_{axis}_m")
         for axis in ("east", "north", "up")
     )
+    distance = np.hypot(east, north)
     for axes, column, label in (
-        (radius, np.hypot(east, north), "distance from the\ncircle's centre [m]"),
-        (depth, -up, "depth below the\naircraft's circle [m]"),
+        (
+            radius, np.where(wrong, _column(predictions, "end_mass_radius_m"), distance),
+            "distance from the\ncircle's centre [m]",
+        ),
+        (
+            depth, np.where(wrong, _column(predictions, "end_mass_depth_m"), -up),
+            "depth below the\naircraft's circle [m]",
+        ),
         (
             height, _column(predictions, "end_mass_height_above_home_m"),
             "height above home\nor set ground [m]",
@@ -216,8 +226,11 @@ def end_mass_figure(predictions: Table, samples: Table):
             if np.count_nonzero(shown) > 1:  # is a line
                 axes.plot(*_broken(time, np.where(shown, column, nan)), **style, label=of)
         axes.set_ylabel(label)
-    if radius.get_legend_handles_labels()[0]:
-        radius.legend(loc="best", frameon=False)
+    # Below the panels, where it lies on no curve.
+    figure.legend(
+        *radius.get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False,
+        fontsize="small",
+    )  # fmt: skip
     radius.set_ylim(0.0, 1.1 * radius.get_ylim()[1])
     for axes in (depth, height):
         low, high = axes.get_ylim()
@@ -262,10 +275,11 @@ def beacon_figure(beacon: Table, samples: Table):
         std = np.where(settled, _column(beacon, f"measured_minus_predicted_{axis}_std_m"), nan)
         known = np.isfinite(time)
         moments, band = _broken(time[known], 1.96 * std[known])
-        axes.fill_between(
-            moments, -band, band, color=MASS, alpha=0.2, linewidth=0.0,
-            label="where 95 % of those settled ought to be",
-        )  # fmt: skip
+        if np.isfinite(band).any():
+            axes.fill_between(
+                moments, -band, band, color=MASS, alpha=0.2, linewidth=0.0,
+                label="where 95 % of those settled ought to be",
+            )  # fmt: skip
         synchronised = np.array(beacon["simulated"]) == "settled"
         simulated = _column(beacon, f"measured_minus_simulated_{axis}_m")
         simulated = np.where(synchronised, simulated, nan)

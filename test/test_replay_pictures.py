@@ -9,6 +9,7 @@ from replays import DRONE
 from ctcbs_ros import plots
 from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.replay.tables import (
+    BEACON_COLUMNS,
     PREDICTION_COLUMNS,
     PREDICTIONS,
     SAMPLE_COLUMNS,
@@ -75,7 +76,7 @@ def test_legend_of_the_track_lies_inside_the_picture_with_as_many_orbits_as_are_
     predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
     figure = shown(plots.track_figure(predictions, samples, orbits), tmp_path)
     (legend,) = figure.legends
-    assert len(legend.texts) == 3 + plots.MOST_ORBITS
+    assert len(legend.texts) == 2 + plots.MOST_ORBITS
     place = legend.get_window_extent()
     assert figure.bbox.x0 <= place.x0
     assert place.x1 <= figure.bbox.x1
@@ -90,7 +91,44 @@ def test_pictures_of_a_flight_without_a_prediction_say_so(tmp_path):
     assert [[t.get_text() for t in axes.texts] for axes in figure.axes] == [["no prediction"]] * 3
     limits = load_configuration(DRONE).limits
     figure = shown(plots.margin_figure(predictions, samples, limits), tmp_path)
-    assert [t.get_text() for t in figure.axes[1].texts] == ["no prediction"]
+    for axes in figure.axes[:2]:
+        assert [t.get_text() for t in axes.texts] == ["no prediction"]
+
+
+def test_a_margin_that_is_never_known_is_said_to_be_not_known(tmp_path):
+    limits = load_configuration(DRONE).limits
+    for margin, said in (("", ["not known"]), (0.1, [])):
+        rows = [{"time_s": t, "margin_per_s": margin} for t in range(100)]
+        predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+        axes = shown(plots.margin_figure(predictions, samples, limits), tmp_path).axes[0]
+        assert [text.get_text() for text in axes.texts] == said
+
+
+def test_legend_of_the_end_mass_lies_below_its_curves(tmp_path):
+    rows = [
+        {"time_s": t, "end_mass_east_m": 30.0, "end_mass_north_m": 0.0, "end_mass_up_m": -90.0,
+         "orbit_center_east_m": 0.0, "orbit_center_north_m": 0.0, "orbit_center_up_m": 0.0,
+         "settled": True, "pose_holds": True, "wind_source": "flight"}
+        for t in range(100)
+    ]  # fmt: skip
+    predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+    figure = shown(plots.end_mass_figure(predictions, samples), tmp_path)
+    (legend,) = figure.legends
+    assert legend.get_window_extent().y1 < figure.axes[-1].get_window_extent().y0
+
+
+def test_the_band_of_the_beacon_is_in_the_legend_only_where_it_is_drawn(tmp_path):
+    for outcome, band in (("settled", True), ("settling", False)):
+        rows = [
+            {"time_s": t, "outcome": outcome, "measured_minus_predicted_east_m": 1.0,
+             "measured_minus_predicted_east_std_m": 2.0}
+            for t in range(50)
+        ]  # fmt: skip
+        figure = plots.beacon_figure(
+            table_of(BEACON_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+        )
+        shown(figure, tmp_path)
+        assert any("95 %" in text.get_text() for text in figure.legends[0].texts) is band
 
 
 def test_jumps_by_radius_alone_are_drawn_and_none_is_said_to_be_none_of_either(tmp_path):

@@ -87,15 +87,33 @@ def test_text_of_the_summary_tells_positions_not_believed_from_those_after_a_ste
 
 def test_text_of_the_summary_gives_no_direction_of_a_wind_weaker_than_its_error(core_replay):
     (orbit,) = core_replay[1]["orbits"]
-    calm = orbit | {"wind_source": "flight", "wind_speed_m_s": 0.02, "wind_from_deg": None}
+    calm = orbit | {"wind_source": "flight", "wind_speed_m_s": 0.02, "wind_std_m_s": 0.31}
+    calm |= {"wind_from_deg": None}
     text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [calm]})
-    assert "Wind at the end of orbit 1: 0.0 m/s, by the flight" in text
+    assert "Wind at the end of orbit 1: 0.0 +- 0.3 m/s, by the flight" in text
+
+
+def test_text_of_the_summary_says_what_is_not_known_and_what_never_comes(core_replay):
+    (orbit,) = core_replay[1]["orbits"]
+    for changed, told in (
+        ({"margin_per_s": None, "settling_time_s": None}, ["not known", "not known"]),
+        ({"margin_per_s": -0.02, "settling_time_s": None}, ["-0.0200", "never"]),
+        (
+            {"margin_per_s": None, "settling_time_s": None, "end_mass_radius_m": None,
+             "end_mass_depth_m": None},
+            ["none"] * 4,
+        ),
+    ):  # fmt: skip
+        text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [orbit | changed]})
+        row = next(line for line in text.splitlines() if line.startswith("    1  "))
+        assert " ".join(row.split()).endswith(" ".join(told))
 
 
 def test_text_of_the_summary_tells_where_the_end_mass_is_in_wind(core_replay):
     (orbit,) = core_replay[1]["orbits"]
     windy = orbit | {
-        "wind_source": "flight", "wind_speed_m_s": 7.0, "wind_from_deg": 359.7,
+        "wind_source": "flight", "wind_speed_m_s": 7.0, "wind_std_m_s": 0.5,
+        "wind_from_deg": 359.7,
         "end_mass_motion": IN_WIND,
         "wind_unmodelled_share": 0.25, "end_mass_least_depth_m": 80.2,
         "end_mass_greatest_depth_m": 145.4, "end_mass_lowest_above_home_m": 61.0,
@@ -106,7 +124,7 @@ def test_text_of_the_summary_tells_where_the_end_mass_is_in_wind(core_replay):
     assert "about a place 55 m downwind and 27 m to the right of the circle's centre" in text
     assert "up to 47 m from there, 80 to 145 m below the circle, lowest 61 m above" in text
     assert "; +- 9 m" in text
-    assert "7.0 m/s from 0 deg" in text
+    assert "7.0 +- 0.5 m/s from 0 deg" in text
     row = next(line for line in text.splitlines() if line.startswith("    1  "))
     assert "in wind, see below" in row
     assert "In 25% of the predictions on orbit 1 the motion in its wind was not known" in text

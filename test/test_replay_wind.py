@@ -77,13 +77,19 @@ def test_pictures_set_apart_what_does_not_hold_and_what_holds_without_wind(windy
     half = len(table["time_s"]) // 2
     table["pose_holds"][:half] = ["False"] * half
     table["wind_source"][half:] = [""] * (len(table["time_s"]) - half)
-    for figure in (
-        plots.track_figure(table, samples, summary["orbits"]),
-        plots.end_mass_figure(table, samples),
+    for axis in ("east", "north", "up"):
+        table[f"end_mass_{axis}_m"][:half] = [""] * half  # a place that does not hold is not told
+    still = [float(cell) for cell in table["end_mass_radius_m"][:half]]
+    for figure, places in (
+        (plots.track_figure(table, samples, summary["orbits"]), False),
+        (plots.end_mass_figure(table, samples), True),
     ):
         shown = {line.get_label(): line for line in figure.axes[0].lines}
-        (wrong,) = [line for label, line in shown.items() if "not for the wind" in label]
+        wrong = [line for label, line in shown.items() if "not for the wind" in label]
+        assert len(wrong) == places
+        if places:
+            drawn = wrong[0].get_ydata()
+            assert drawn[np.isfinite(drawn)] == pytest.approx(still)
         (guessed,) = [line for label, line in shown.items() if "without wind" in label]
-        assert np.isfinite(wrong.get_ydata()).sum() == half
         assert np.isfinite(guessed.get_ydata()).sum() == len(table["time_s"]) - half
         assert not [line for line in shown.values() if line.get_color() == plots.MASS]

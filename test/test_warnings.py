@@ -318,7 +318,13 @@ def test_in_a_wind_without_the_motion_in_it_nothing_holds_and_the_ground_is_not_
         assert (told in codes(last)) is holds
         record = prediction_record(last)
         assert record["pose_holds"] is holds
-        assert (record["end_mass_lowest_above_home_m"] is not None) is holds
+        for place in (
+            "end_mass_lowest_above_home_m", "end_mass_east_m", "end_mass_east_std_m",
+            "end_mass_yaw_rad", "end_mass_height_above_home_m", "end_mass_mean_up_m",
+            "end_mass_excursion_m",
+        ):  # fmt: skip
+            assert (record[place] is not None) is holds
+        assert record["end_mass_radius_m"] is not None
         assert (record["wind_unmodelled_because"] is None) is holds
         assert replace(last.end_mass, time_on_orbit=1e9).settled is holds
     tally = Tally()

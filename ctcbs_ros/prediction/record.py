@@ -110,22 +110,15 @@ def wind_fields(wind: Wind | None) -> Record:
 
 
 def end_mass_fields(end_mass: EndMass) -> Record:
-    """The end mass on the tracked branch, the nearest jumps and the other steady states."""
-    geodetic = end_mass.geodetic
-    east, north, up = np.sqrt(np.diag(end_mass.covariance)[:3])
+    """The end mass on the tracked branch, the nearest jumps and the other steady states.
+
+    Its place is None where it does not hold: of still air in a wind.
+    """
+    place = _place(end_mass)
     return {
         "branch": end_mass.branch,
         "method": end_mass.method,
-        **_enu("end_mass", end_mass.position),
-        "end_mass_yaw_rad": finite(end_mass.yaw),
-        "end_mass_east_std_m": finite(east),
-        "end_mass_north_std_m": finite(north),
-        "end_mass_up_std_m": finite(up),
-        "end_mass_latitude_deg": finite(geodetic.latitude),
-        "end_mass_longitude_deg": finite(geodetic.longitude),
-        "end_mass_altitude_m": finite(geodetic.altitude),
-        "end_mass_altitude_above": altitude_reference(geodetic.ellipsoidal),
-        "end_mass_height_above_home_m": finite(end_mass.height_above_home),
+        **(place if end_mass.holds else dict.fromkeys(place)),
         **state_fields(end_mass.state),
         **_margin(end_mass.margin),
         **_motion_in_wind(end_mass),
@@ -140,6 +133,27 @@ def end_mass_fields(end_mass: EndMass) -> Record:
         **_jump("speed", "m_s", end_mass.jump_in_speed),
         **_jump("radius", "m", end_mass.jump_in_radius),
         "other_solutions": [state_fields(other) for other in end_mass.others],
+    }
+
+
+def _place(end_mass: EndMass) -> Record:
+    """Where the end mass is predicted now, and about which place."""
+    geodetic = end_mass.geodetic
+    east, north, up = np.sqrt(np.diag(end_mass.covariance)[:3])
+    return {
+        **_enu("end_mass", end_mass.position),
+        "end_mass_yaw_rad": finite(end_mass.yaw),
+        "end_mass_east_std_m": finite(east),
+        "end_mass_north_std_m": finite(north),
+        "end_mass_up_std_m": finite(up),
+        "end_mass_latitude_deg": finite(geodetic.latitude),
+        "end_mass_longitude_deg": finite(geodetic.longitude),
+        "end_mass_altitude_m": finite(geodetic.altitude),
+        "end_mass_altitude_above": altitude_reference(geodetic.ellipsoidal),
+        "end_mass_height_above_home_m": finite(end_mass.height_above_home),
+        **_enu("end_mass_mean", end_mass.circle_center),
+        "end_mass_excursion_m": finite(end_mass.excursion),
+        "end_mass_lowest_above_home_m": finite(end_mass.lowest_height_above_home),
     }
 
 
@@ -227,17 +241,11 @@ def _margin(margin: Margin) -> Record:
 
 
 def _motion_in_wind(end_mass: EndMass) -> Record:
-    """Mean place over a turn, and how far the end mass leaves it; "wind_modelled" or still air.
-
-    The lowest height is None where there is a wind and the motion in it is not known.
-    """
+    """Whether the motion is that in the wind, by which method, and why not."""
     return {
         "wind_modelled": end_mass.in_wind is not None,
         "in_wind_source": end_mass.in_wind.source.value if end_mass.in_wind is not None else None,
         "wind_unmodelled_because": end_mass.unmodelled_because or None,
-        **_enu("end_mass_mean", end_mass.circle_center),
-        "end_mass_excursion_m": finite(end_mass.excursion),
-        "end_mass_lowest_above_home_m": finite(end_mass.lowest_height_above_home),
     }
 
 

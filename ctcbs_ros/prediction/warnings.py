@@ -96,6 +96,11 @@ def is_windy(wind: Wind | None, orbit: Orbit) -> bool:
     return past > _WINDY * orbit.speed or wind.sigma > _UNSURE * orbit.speed
 
 
+def is_told_from_none(wind: Wind, orbit: Orbit) -> bool:
+    """Whether the air is known to move past the circle: by more than it is known to."""
+    return hypot(*(wind.velocity - orbit.drift)) > max(wind.sigma, _WINDY * orbit.speed)
+
+
 def wind_warnings(wind: Wind | None, orbit: Orbit, reason: str = "") -> list[Warning]:
     """WIND_UNMODELLED where the air moves past the circle, or nobody knows whether it does.
 

@@ -1,9 +1,7 @@
 """What a predicted end mass is of: the motion in wind, or still air, and whether that holds."""
 
-from math import hypot
-
 from ctcbs_ros.prediction.prediction import Prediction
-from ctcbs_ros.prediction.warnings import is_windy
+from ctcbs_ros.prediction.warnings import is_told_from_none
 
 STILL_AIR, IN_WIND = "still air", "in wind"
 # Holds if there is no wind; does not hold.
@@ -20,5 +18,4 @@ def motion_kind(prediction: Prediction) -> str:
         return UNMODELLED
     if prediction.end_mass.in_wind is None:
         return STILL_AIR
-    past = hypot(*(wind.velocity - prediction.orbit.drift))
-    return IN_WIND if past > wind.sigma or is_windy(wind, prediction.orbit) else STILL_AIR
+    return IN_WIND if is_told_from_none(wind, prediction.orbit) else STILL_AIR

@@ -21,12 +21,14 @@ from ctcbs_ros.prediction.wind_choice import REJECTED
 from ctcbs_ros.replay.motion_kind import IN_WIND, KINDS, motion_kind
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.source import LogSource
+from ctcbs_ros.twin.look_ahead import Ending
 from ctcbs_ros.twin.simulated import Simulated, TwinState
 
 # Seconds between the end masses remembered for the orbits; a day's flight then takes 8 MB.
 REMEMBERED_EVERY = 5.0
 _SOURCES = tuple(WindSource)
 _MARGINS_OF = tuple(MarginOf)
+_ENDINGS = tuple(Ending)
 # Of the end mass's motion in wind, about the circle's centre.
 _MOTION = (
     "end_mass_east_m", "end_mass_north_m", "end_mass_downwind_m", "end_mass_crosswind_m",
@@ -58,6 +60,7 @@ class Summary:
         self._times, self._radii, self._densities = array("d"), array("d"), array("d")
         # Wind of each: speed, where from [deg], nan where not known; its source by number, or -1.
         self._winds, self._directions, self._sources = array("d"), array("d"), array("b")
+        self._wind_sigmas = array("d")
         # Predictions from each on to the next, and those of them in a wind that is not modelled.
         self._counts, self._not_modelled = array("l"), array("l")
         # What each is of (`KINDS`); its motion in the wind (`_MOTION`), nan where there is none,
@@ -68,6 +71,8 @@ class Summary:
         # Distance of the simulated end mass from the predicted one, that over what is stated of
         # both, and whether both are settled; nan where either is not known.
         self._apart, self._apart_stated, self._apart_settled = array("d"), array("d"), array("b")
+        # What the look-ahead comes to, by number, or -1; when it settles, nan where it does not.
+        self._endings, self._settles_at = array("b"), array("d")
         self._twin: Simulated | None = None
 
     def add(self, prediction: Prediction) -> None:
@@ -81,9 +86,10 @@ class Summary:
         while self._times and self._times[-1] > prediction.time:  # of time stamps that were wrong
             for remembered in (
                 self._times, self._radii, self._densities,
-                self._winds, self._directions, self._sources, self._apart, self._kinds,
+                self._winds, self._wind_sigmas, self._directions, self._sources, self._apart,
+                self._kinds,
                 self._counts, self._not_modelled, self._apart_stated, self._apart_settled,
-                self._margins, self._margins_of,
+                self._margins, self._margins_of, self._endings, self._settles_at,
             ):  # fmt: skip
                 remembered.pop()
             del self._motions[-len(_MOTION) :]
@@ -101,6 +107,7 @@ class Summary:
             self._densities.append(prediction.air_density)
             wind = prediction.wind
             self._winds.append(nan if wind is None else wind.speed)
+            self._wind_sigmas.append(nan if wind is None else wind.sigma)
             told = wind is not None and wind.speed > wind.sigma
             self._directions.append(wind.from_direction if told else nan)
             self._sources.append(-1 if wind is None else _SOURCES.index(wind.source))
@@ -114,6 +121,9 @@ class Summary:
             self._apart.append(apart)
             self._apart_stated.append(stated)
             self._apart_settled.append(settled)
+            ahead = prediction.simulated and prediction.simulated.settling
+            self._endings.append(-1 if ahead is None else _ENDINGS.index(ahead.ending))
+            self._settles_at.append(nan if ahead is None else ahead.settles_at)
             self._counts.append(0)
             self._not_modelled.append(0)
         if prediction.valid:
@@ -152,6 +162,8 @@ class Summary:
             simulated end mass was from the predicted one at moments at which both were settled,
             or, where there are none, on the way to it (whether settled, number of moments, median
             and greatest distance, and the median of that over the joint standard deviation).
+            What the simulation's look-ahead came to, and from when on the end mass would be within
+            5 % of the tow radius of where it settles for good [s], None where it would not be.
             flights counts the boots of the vehicle that gave believed samples;
             simulation_begun_anew says why the twin was, and how often, None where there is none.
 
@@ -180,7 +192,7 @@ class Summary:
         state = None
         first = bisect_left(self._times, segment.start_time)
         last = bisect_right(self._times, segment.end_time) - 1
-        wind = {"wind_speed_m_s": None, "wind_from_deg": None, "wind_source": None}
+        wind = dict.fromkeys(("wind_speed_m_s", "wind_std_m_s", "wind_from_deg", "wind_source"))
         motion = dict.fromkeys(("end_mass_motion", "wind_unmodelled_share", *_MOTION))
         motion["end_mass_loop_m"] = None
         if last >= first:
@@ -205,6 +217,7 @@ class Summary:
             **wind,
             **motion,
             **self._agreement(first, last),
+            **self._ahead(first, last),
         }
 
     def _margin(self, state: EndMassState | None, first: int, last: int) -> dict[str, Any]:
@@ -244,6 +257,21 @@ class Summary:
             "simulated_apart_std": median(stated) if stated else None,
         }
 
+    def _ahead(self, first: int, last: int) -> dict[str, Any]:
+        """What the simulation looked ahead to on an orbit: the newest while that lay ahead."""
+        told = [i for i in range(first, last + 1) if self._endings[i] >= 0]
+        before = [i for i in told if self._settles_at[i] > self._times[i]]
+        if not told:
+            return {"ahead_ending": None, "ahead_settles_at_s": None}
+        # Once it has settled what is told is that it has.
+        newest = told[-1]
+        if isfinite(self._settles_at[newest]):
+            newest = before[-1] if before else told[0]
+        return {
+            "ahead_ending": _ENDINGS[self._endings[newest]].value,
+            "ahead_settles_at_s": finite(self._settles_at[newest] - self._first_time),
+        }
+
     def _motion(self, first: int, last: int) -> dict[str, Any]:
         """What the end masses between two remembered ones are of, and the newest in wind."""
         orbit = slice(first, last + 1)
@@ -270,6 +298,7 @@ class Summary:
         source = self._sources[number]
         return {
             "wind_speed_m_s": finite(self._winds[number]),
+            "wind_std_m_s": finite(self._wind_sigmas[number]),
             "wind_from_deg": finite(self._directions[number]),
             "wind_source": None if source < 0 else _SOURCES[source].value,
         }

@@ -11,6 +11,7 @@ from ctcbs_ros.prediction.prediction import MarginOf
 from ctcbs_ros.prediction.warnings import skip_warnings
 from ctcbs_ros.replay.motion_kind import IN_WIND, UNKNOWN, UNMODELLED
 from ctcbs_ros.telemetry.skip_code import SkipCode
+from ctcbs_ros.twin.look_ahead import Ending
 
 SKIPS = {
     SkipCode.BAD_FIX: "no 3D fix yet, few satellites or poor accuracy",
@@ -189,8 +190,8 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
             direction = orbit["wind_from_deg"]
             origin = "" if direction is None else f" from {round(direction) % 360} deg"
             yield (
-                f"Wind at the end of orbit {number}: {orbit['wind_speed_m_s']:.1f} m/s{origin}, "
-                f"by the {orbit['wind_source']}"
+                f"Wind at the end of orbit {number}: {orbit['wind_speed_m_s']:.1f} +- "
+                f"{orbit['wind_std_m_s']:.1f} m/s{origin}, by the {orbit['wind_source']}"
             )
         if orbit["end_mass_motion"] == IN_WIND:
             yield f"In it, once settled: end mass of orbit {number} {_in_wind(orbit)}"
@@ -202,22 +203,44 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
                 f"Simulated beside predicted end mass on orbit {number}, {settled}: "
                 f"{orbit['simulated_apart_m']:.1f} m apart, "
                 f"{orbit['simulated_apart_greatest_m']:.1f} m at most, at "
-                f"{_counted(orbit['simulated_moments'], 'moment')}; "
-                f"{orbit['simulated_apart_std']:.1f} of their joint standard deviation"
+                f"{_counted(orbit['simulated_moments'], 'moment')}; about "
+                f"{orbit['simulated_apart_m'] / max(orbit['simulated_apart_std'], 1e-9):.1f} m "
+                "are to be expected of their stated errors"
             )
+        if orbit["ahead_ending"] is not None:
+            yield f"The simulation looks ahead, on orbit {number}: {_ahead(orbit)}"
+
+
+def _ahead(orbit: dict[str, Any]) -> str:
+    """When the simulation has the end mass settled, beside when the margin has."""
+    if orbit["ahead_settles_at_s"] is None:
+        return {
+            Ending.OSCILLATES.value: "the end mass keeps oscillating",
+            Ending.UNDECIDED.value: "it is not decided where the end mass settles",
+        }.get(orbit["ahead_ending"], "not known")
+    told = (
+        "within 5 % of the tow radius of where it settles from "
+        f"{orbit['ahead_settles_at_s']:.0f} s on"
+    )
+    if orbit["settling_time_s"] is None:
+        return told
+    by_margin = orbit["start_s"] + orbit["settling_time_s"]
+    return f"{told}; 5 % of a small disturbance of the start is left at {by_margin:.0f} s"
 
 
 def _end_mass(orbit: dict[str, Any]) -> str:
     """The columns of the end mass; in brackets where they do not hold."""
+    margin, settling = orbit["margin_per_s"], orbit["settling_time_s"]
+    there = orbit["end_mass_radius_m"] is not None
+    unknown = "not known" if there else "none"
     cells = [
-        (orbit[f"end_mass_{name}_m"], width, 2) for name, width in (("radius", 8), ("depth", 8))
-    ] + [(orbit["margin_per_s"], 10, 4), (orbit["settling_time_s"], 12, 0)]
-    if orbit["end_mass_motion"] == UNMODELLED:
-        return "  ".join(
-            f"({value:.{decimals}f})".rjust(width) if value is not None else "none".rjust(width)
-            for value, width, decimals in cells
-        )
-    told = [_number(*cell) for cell in cells]
+        (orbit["end_mass_radius_m"], 8, 2, "none"),
+        (orbit["end_mass_depth_m"], 8, 2, "none"),
+        (margin, 10, 4, unknown),
+        (settling, 12, 0, unknown if margin is None else "never"),
+    ]
+    brackets = orbit["end_mass_motion"] == UNMODELLED
+    told = [_number(*cell, brackets=brackets) for cell in cells]
     if orbit["end_mass_motion"] == IN_WIND:
         told[:2] = ["in wind, see below"]
     return "  ".join(told)
@@ -293,8 +316,12 @@ def _orbits(numbers: list[int]) -> str:
     return f"orbit{'s' if len(numbers) > 1 else ''} {', '.join(map(str, numbers))}"
 
 
-def _number(value: float | None, width: int, decimals: int) -> str:
-    return f"{value:{width}.{decimals}f}" if value is not None else f"{'none':>{width}}"
+def _number(
+    value: float | None, width: int, decimals: int, without: str, brackets: bool = False
+) -> str:
+    """A column, with other words where there is no value."""
+    told = without if value is None else f"{value:.{decimals}f}"
+    return (f"({told})" if brackets and value is not None else told).rjust(width)
 
 
 def _beacon_lines(beacon: dict[str, Any]) -> Iterator[str]:
