@@ -159,7 +159,7 @@ def test_noise_of_the_positions_does_not_shake_the_path():
     flight = simulate_flight(RADIUS, SPEED, 3, rate=10.0)
     rng = np.random.default_rng(3)
     tow = TowPoint(flight.position[0], flight.velocity[0], 1.5, 0.3)
-    end, off = np.concatenate([tow.position, tow.velocity]), []
+    end, off, jumps, felt = np.concatenate([tow.position, tow.velocity]), [], [], None
     for i in range(1, len(flight.time)):
         place = flight.position[i] + 1.5 * rng.standard_normal(3)
         velocity = flight.velocity[i] + 0.3 * rng.standard_normal(3)
@@ -172,6 +172,11 @@ def test_noise_of_the_positions_does_not_shake_the_path():
         ])
         assert end[:3] == pytest.approx(tow.position, abs=1e-9)
         off.append(tow.position - flight.position[i])
+        if felt is not None:
+            jumps.append(2.0 * c[2, 0] - felt)
+        felt = 2.0 * c[2, -1] + 6.0 * h * c[3, -1]
+    # a stiff cable feels each jump of the acceleration
+    assert np.sqrt(np.square(jumps[50:]).sum(axis=1).mean()) < 0.5 * SPEED**2 / RADIUS
     assert np.sqrt(np.square(off[50:]).sum(axis=1).mean()) < 0.6  # of 2.6 told
 
 

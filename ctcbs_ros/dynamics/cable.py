@@ -190,7 +190,7 @@ def simulate(
     out_v = np.empty_like(out_x)
     status, reached, step, steps, rejected = cable_motion.advance(
         driven.compiled, line.packed(), driven.stops, tolerance, scale_x, scale_v, scale_t,
-        most_steps, state.time, end, first, x, v, times, out_x, out_v,
+        most_steps, state.time, end, first, x, v, times, out_x, out_v, cable_motion.GROUND,
     )  # fmt: skip
     if status != cable_motion.OK:
         kind = InputError if status == cable_motion.NO_LENGTH else ArithmeticError

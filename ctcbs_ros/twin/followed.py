@@ -54,7 +54,7 @@ class FollowedCable:
 
     def advance(
         self, line: Line, path: Pieces, wind_before, wind, wind_covariance: np.ndarray | None,
-        length_before: float,
+        length_before: float, axes,
     ) -> bool:  # fmt: skip
         """Go on along the tow point's path; False where one of them cannot be followed.
 
@@ -68,6 +68,8 @@ class FollowedCable:
             None where nobody knows the wind.
         length_before : float
             Of the cable, at the beginning [m].
+        axes : (7,) ndarray
+            To step in.
         """
         cables = [(self.cable, np.zeros(3))]
         if wind_covariance is None:
@@ -77,7 +79,7 @@ class FollowedCable:
                 self._off_wind = [self.cable.copy() for _ in range(2)]
             cables += zip(self._off_wind, off_winds(wind_covariance), strict=True)
         return all(
-            cable.advance(line, path, wind_before + off, wind + off, length_before)
+            cable.advance(line, path, wind_before + off, wind + off, length_before, axes=axes)
             for cable, off in cables
         )
 

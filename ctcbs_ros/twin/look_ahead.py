@@ -14,10 +14,11 @@ import numpy as np
 
 from ctcbs_ros.dynamics.line import Line
 from ctcbs_ros.dynamics.settled import SPAN, approached, oscillates, settled_after
+from ctcbs_ros.kernels.tow_filter import decayed
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.twin.beginning import circle_of
-from ctcbs_ros.twin.simulated_cable import SimulatedCable
-from ctcbs_ros.twin.tow_point import decayed, hermite
+from ctcbs_ros.twin.simulated_cable import SimulatedCable, axes_of
+from ctcbs_ros.twin.tow_point import hermite
 
 A_TURN = 64  # states looked at
 HORIZON = 3 * SPAN + 3  # turns, as many as tell an oscillation
@@ -25,6 +26,9 @@ HORIZON = 3 * SPAN + 3  # turns, as many as tell an oscillation
 WITHIN, _LEFT = 0.05, 0.01
 # Change of the orbit, over its radius, rate and speed, that makes it another.
 _ANOTHER = 0.05
+# A step is so many of these states at the most: long ones would take a state that slowly grows for
+# one that stays.
+_STEP = 2
 # Part of a turn in which the aircraft is taken onto the circle fitted.
 _JOINED = 1.0 / 16.0
 
@@ -142,11 +146,18 @@ class LookAhead:
         tow = np.stack([self._places[steps % A_TURN], self._speeds[steps % A_TURN]])
         tow[0] += self._orbit.center + times[:, None] * self._moves
         tow[1] += self._moves
-        for k, t in enumerate(times):
-            tow[:, k] += decayed(self._off, t, _JOINED * self._period)
+        if times[0] < self._period:
+            left = np.empty((2, 3))
+            for k, t in enumerate(times):
+                decayed(self._off, t, _JOINED * self._period, left)
+                tow[:, k] += left
         path = hermite(times - times[0], *tow)
         seen = np.empty((count, *self._cable.positions.shape))
-        if not self._cable.advance(self._line, path, self._wind, self._wind, seen=seen):
+        axes = axes_of(self._orbit, self._orbit.time + times[0])
+        if not self._cable.advance(
+            self._line, path, self._wind, self._wind, seen=seen, axes=axes,
+            stops=path.breaks[_STEP::_STEP],
+        ):
             self.lost = True
             return None
         centre = self._orbit.center + times[1:, None] * self._moves

@@ -6,12 +6,14 @@ followed closely: noise would stir them up all the time, and nothing damps them.
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import pi
 
 import numpy as np
 
 from ctcbs_ros.dynamics.line import Line, line_of
 from ctcbs_ros.kernels import cable_motion
+from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.scaling import FlightPoint
 from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.twin.tow_point import Pieces
@@ -53,7 +55,8 @@ class SimulatedCable:
 
     def advance(
         self, line: Line, tow_point: Pieces, wind_before, wind,
-        length_before: float | None = None, seen=None,
+        length_before: float | None = None, seen=None, axes=cable_motion.GROUND,
+        stops=None,
     ) -> bool:  # fmt: skip
         """Go on along a stretch of the tow point's path.
 
@@ -68,6 +71,10 @@ class SimulatedCable:
             At its beginning [m].
         seen : (k, n + 1, 3) ndarray, optional
             Written: the positions at the k ends of the path's pieces.
+        stops : (k,) ndarray, optional
+            Times that no step passes.
+        axes : (7,) ndarray, optional
+            That turn with the aircraft, to step in: see `axes_of`.
 
         Returns
         -------
@@ -75,13 +82,11 @@ class SimulatedCable:
             False where it cannot be followed: the nodes are then of no use.
         """
         span = float(tow_point.breaks[-1])
-        before = line.length if length_before is None else length_before
-        drive = (
-            (tow_point.breaks, tow_point.coefficients),
-            _straight(wind_before, wind, span),
-            _straight([before], [line.length], span),
-            _straight(line.end, line.end, span),
-        )
+        packed, length, end = _at_rest(line)
+        if length_before is not None and length_before != line.length:
+            length = _straight([length_before], [line.length], span)
+        air = _straight(wind_before, wind, span)
+        drive = (tow_point.breaks, tow_point.coefficients), air, length, end
         fastest = float(np.abs(tow_point.coefficients[1]).sum(axis=1).max())
         fall = (abs(line.weight_per_length) / line.mass_per_length * line.length) ** 0.5
         scale_v = max(fastest, fall)
@@ -94,9 +99,9 @@ class SimulatedCable:
         if seen is None:
             seen = np.empty((0, *self.positions.shape))
         status, _, self.step, _, _ = cable_motion.advance(
-            drive, line.packed(), _NONE, _TOLERANCE, line.length, scale_v, scale_t, _MOST_STEPS,
-            0.0, span, first, self.positions, self.velocities, times, seen,
-            np.empty_like(seen),
+            drive, packed, _NONE if stops is None else stops, _TOLERANCE, line.length, scale_v,
+            scale_t, _MOST_STEPS, 0.0, span, first, self.positions, self.velocities, times, seen,
+            np.empty_like(seen), axes,
         )  # fmt: skip
         return status == cable_motion.OK and self.finite
 
@@ -104,6 +109,18 @@ class SimulatedCable:
     def finite(self) -> bool:
         """Whether every number is."""
         return bool(np.isfinite(self.positions).all() and np.isfinite(self.velocities).all())
+
+
+def axes_of(orbit: Orbit | None, time: float) -> np.ndarray:
+    """Axes that turn with an orbit, and go along with its centre, from a time on, (7,).
+
+    Without an orbit, those of the ground.
+    """
+    if orbit is None:
+        return cable_motion.GROUND
+    moves = np.append(orbit.drift, orbit.climb_rate)
+    centre = orbit.center + (time - orbit.time) * moves
+    return np.concatenate([[orbit.sense * orbit.angular_rate], centre, moves])
 
 
 def elastic(parameters: Parameters) -> Parameters:
@@ -123,9 +140,17 @@ def line_in_si(point: FlightPoint) -> Line:
     return replace(line, damping=max(line.damping, _DAMPING * line.length / (pi * wave)))
 
 
+@lru_cache(maxsize=4)
+def _at_rest(line: Line):
+    """What the kernel takes of a line: itself, and its length and end mass as they stay."""
+    once = np.array([0.0, 1.0])
+    length, end = np.zeros((4, 1, 1)), np.zeros((4, 1, line.end.size))
+    length[0, 0], end[0, 0] = line.length, line.end
+    return line.packed(), (once, length), (once, end)
+
+
 def _straight(before, after, span):
-    before, after = np.asarray(before, float), np.asarray(after, float)
-    coefficients = np.zeros((4, 1, before.size))
+    coefficients = np.zeros((4, 1, len(before)))
     coefficients[0, 0] = before
-    coefficients[1, 0] = (after - before) / span
+    coefficients[1, 0] = (np.asarray(after) - before) / span
     return np.array([0.0, span]), coefficients

@@ -23,7 +23,7 @@ from ctcbs_ros.twin.followed import FollowedCable, off_winds
 from ctcbs_ros.twin.look_ahead import LookAhead, Settling
 from ctcbs_ros.twin.seen import Seen
 from ctcbs_ros.twin.simulated import Loss, Simulated, TwinState
-from ctcbs_ros.twin.simulated_cable import line_in_si
+from ctcbs_ros.twin.simulated_cable import axes_of, line_in_si
 from ctcbs_ros.twin.tow_point import TowPoint
 
 # See docs/twin.md.
@@ -49,6 +49,8 @@ _REELED = 0.02
 # Change of air density that makes another line.
 _DENSITY = 1e-3
 _UNKNOWN = 1e6  # variance of the attitude [rad^2]
+# Of a pose's covariance: its diagonal, and the rows and columns that are known.
+_DIAGONAL, _POSE = np.diag_indices(6), np.ix_([0, 1, 2, 5], [0, 1, 2, 5])
 # What it begins with on an orbit.
 _PERIODIC, _STILL = "periodic motion", "steady state in still air"
 
@@ -277,8 +279,9 @@ class Twin:
     def _advance(self, path, wind_before, line_before) -> bool:
         length = self._cable_length if line_before is None else line_before.length
         return self._followed.advance(
-            self._line, path, wind_before, self._wind, self._wind_covariance, length
-        )
+            self._line, path, wind_before, self._wind, self._wind_covariance, length,
+            axes_of(self._orbit, self._last_time),
+        )  # fmt: skip
 
     def _may_begin_better(self, seen: Seen) -> bool:
         """Whether the motion in the wind has been found since it began without."""
@@ -362,17 +365,18 @@ class Twin:
 
     def _covariance(self, sample: Sample) -> np.ndarray:
         """Of the pose: tow point, wind and beginning; see `Simulated`."""
-        covariance = np.diag(np.full(6, _UNKNOWN))
+        covariance = np.zeros((6, 6))
+        covariance[_DIAGONAL] = _UNKNOWN
         if self._followed is None:
             return covariance
         receiver = self._configuration.receiver
         sigma = _stated(sample.horizontal_accuracy, receiver.position_sigma)
-        # What is correlated in time no filter takes out of the positions.
-        tow = self._tow.variances + receiver.correlated_share * sigma**2
         speed = max(float(np.hypot(*self._followed.cable.velocities[0, :2])), 1e-3)
         turned = _stated(sample.speed_accuracy, receiver.velocity_sigma) / speed
-        known = self._followed.covariance(sample.time) + np.diag([*tow, turned**2])
-        covariance[np.ix_([0, 1, 2, 5], [0, 1, 2, 5])] = known
+        covariance[_POSE] = self._followed.covariance(sample.time)
+        # What is correlated in time no filter takes out of the positions.
+        tow = self._tow.variances + receiver.correlated_share * sigma**2
+        covariance[_DIAGONAL] += [*tow, 0.0, 0.0, turned**2]
         return covariance
 
 
