@@ -30,13 +30,22 @@ _START_LIMIT = 60.0  # s
 
 def update(session: Session) -> Outcome:
     """Sample in, prediction out; the peer solves the same orbit's state and margin with scipy."""
+    return _update(session, with_twin=False)
+
+
+def update_with_twin(session: Session) -> Outcome:
+    """The same with the twin, as the node has it by default."""
+    return _update(session, with_twin=True)
+
+
+def _update(session: Session, with_twin: bool) -> Outcome:
     from ctcbs_ros.telemetry.source import open_log
 
     samples = list(open_log(str(session.log)))
-    warm = Predictor(session.drone, session.table)
+    warm = Predictor(session.drone, session.table, with_twin)
     for sample in samples[:300]:  # until every kernel that a flight needs is compiled
         warm.update(sample)
-    predictor = Predictor(session.drone, session.table)
+    predictor = Predictor(session.drone, session.table, with_twin)
     predictions = []
 
     def ours(number):
@@ -94,6 +103,15 @@ def _scipy_state(p, end_mass_radius) -> Measured:
 
 def replay(session: Session) -> Outcome:
     """A sample of a log replayed through the core, reading included; against reading it alone."""
+    return _replay(session, with_twin=False)
+
+
+def replay_with_twin(session: Session) -> Outcome:
+    """The same with the twin, as `ctcbs replay` does by default."""
+    return _replay(session, with_twin=True)
+
+
+def _replay(session: Session, with_twin: bool) -> Outcome:
     from ctcbs_ros.bench.peer_mavlink import read_positions
     from ctcbs_ros.replay.core import replay_through_core
     from ctcbs_ros.telemetry.source import open_log
@@ -102,7 +120,7 @@ def replay(session: Session) -> Outcome:
     count = sum(1 for _ in open_log(log))
 
     def ours(_number):
-        predictor = Predictor(session.drone, session.table)
+        predictor = Predictor(session.drone, session.table, with_twin)
         replay_through_core(open_log(log), predictor, 0.0, lambda record, progress: None)
 
     whole = duel(ours, lambda _: read_positions(log), session.rounds(5))

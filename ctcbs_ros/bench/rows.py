@@ -64,12 +64,20 @@ ROWS = (
     ),
     Row("table-load", "its loading", 50 * _MS, "numpy load, unchecked", flight_rows.table_load),
     Row(
-        "update", "update of the predictor, sample in, prediction out", 3 * _MS,
+        "update", "update of the predictor, sample in, prediction out, no twin", 3 * _MS,
         "solve_bvp + eigvals alone", flight_rows.update, judged="p99",
     ),
     Row(
-        "replay", "a sample through replay --through core --rate 0", 1 * _MS,
+        "update-twin", "the same with the twin, as by default", 3 * _MS,
+        "solve_bvp + eigvals alone", flight_rows.update_with_twin, judged="p99",
+    ),
+    Row(
+        "replay", "a sample through replay --through core --rate 0, no twin", 1 * _MS,
         "pymavlink reading the log", flight_rows.replay,
+    ),
+    Row(
+        "replay-twin", "the same with the twin, as by default", 1 * _MS,
+        "pymavlink reading the log", flight_rows.replay_with_twin,
     ),
     Row(
         "node-start", "start of the node with a table, until ready", 3.0, "empty rclpy node",

@@ -29,8 +29,6 @@ from ctcbs_ros.kernels.piecewise import evaluate
 
 _STAGES, _G = pair.STAGES, pair.G
 _A, _C, _D, _E, _ALPHA = pair.A, pair.C, pair.D, pair.E, pair.ALPHA
-# Factor by which a step is longer than the one before at the most.
-_MOST_LONGER = 4.0
 OK, TOO_MANY_STEPS, NOT_FINITE, NO_LENGTH = range(4)
 # Axes: rate of turning, centre at the beginning (3), its velocity (3).
 AXES = 7
@@ -172,7 +170,6 @@ def advance(drive, line, stops, tolerance, scale_x, scale_v, scale_t, most_steps
     wind, end, tow_a, scratch = np.empty(3), np.empty(N_END), np.empty(3), np.empty(3)
     tow_v, tow_start = np.empty(3), np.empty(3)
     steps, rejected, next_stop, next_time = 0, 0, 0, 0
-    step_before, error_before, most_longer = 0.0, 0.0, _MOST_LONGER
     fresh = True
     while next_time < times.shape[0] and times[next_time] <= t:
         inside = t
@@ -314,10 +311,9 @@ def advance(drive, line, stops, tolerance, scale_x, scale_v, scale_t, most_steps
             if h <= tiny:
                 return NOT_FINITE, t, h, steps, rejected
             continue
-        factor = min(_MOST_LONGER, max(0.2, 0.9 * error**-0.25)) if error > 0.0 else _MOST_LONGER
+        factor = min(4.0, max(0.2, 0.9 * error**-0.25)) if error > 0.0 else 4.0
         if error > 1.0:
             rejected += 1
-            most_longer = 1.0
             h = step * min(factor, 0.9)
             if h <= tiny:
                 return NOT_FINITE, t, h, steps, rejected
@@ -341,13 +337,6 @@ def advance(drive, line, stops, tolerance, scale_x, scale_v, scale_t, most_steps
         t = t_new
         steps += 1
         fresh = True
-        # Gustafsson's: by how the error has changed with the step, where that says less.
-        if step_before > 0.0 and error > 0.0:
-            factor = min(
-                factor, 0.9 * (step / step_before) * (max(error_before, 1e-2) / error**2) ** 0.25
-            )
-        factor = min(most_longer, max(0.2, factor))
-        step_before, error_before, most_longer = step, error, _MOST_LONGER
         h = max(h, step * factor) if last else step * factor
     if turning != 0.0:
         _out_of(axes, t_end - begun, x, v)

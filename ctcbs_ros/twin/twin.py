@@ -375,7 +375,7 @@ class Twin:
         turned = _stated(sample.speed_accuracy, receiver.velocity_sigma) / speed
         covariance[_POSE] = self._followed.covariance(sample.time)
         # What is correlated in time no filter takes out of the positions.
-        tow = self._tow.variances + receiver.correlated_share * sigma**2
+        tow = self._tow.variances + (receiver.correlated_share * sigma) ** 2
         covariance[_DIAGONAL] += [*tow, 0.0, 0.0, turned**2]
         return covariance
 
