@@ -55,6 +55,16 @@ def values(status):
     return {pair.key: pair.value for pair in status.values}
 
 
+def is_up(telemetry, reboots):
+    """Whether the status of telemetry says that all is well, after so many reboots."""
+    told = values(telemetry)
+    return (
+        told["link state"] == "up: system 1, component 1, fixed wing"
+        and telemetry.level != DiagnosticStatus.ERROR
+        and int(told.get("link.time_steps.reboot", 0)) >= reboots
+    )
+
+
 def test_sender_may_be_killed_and_come_back_and_the_node_predicts_again(
     tmp_path, drone_log, drone_table
 ):
@@ -80,11 +90,7 @@ def test_sender_may_be_killed_and_come_back_and_the_node_predicts_again(
             with sending(drone_log, port):
                 before = len(poses)
                 node.wait_until(lambda: len(poses) > before + 20 and markers)  # noqa: B023
-                node.wait_until(
-                    lambda: values(telemetry())["link state"].startswith("up: system 1, component")
-                )
-                assert telemetry().level != DiagnosticStatus.ERROR
-                assert int(values(telemetry()).get("link.time_steps.reboot", 0)) >= reboots
+                node.wait_until(lambda: is_up(telemetry(), reboots))  # noqa: B023
             # Gone: told of telemetry, orbit and prediction, and no prediction is left standing.
             node.wait_until(lambda: "link lost: nothing received" in telemetry().message)
             assert "STALE_TELEMETRY" in telemetry().message
@@ -92,13 +98,15 @@ def test_sender_may_be_killed_and_come_back_and_the_node_predicts_again(
             node.wait_until(
                 lambda: {marker.action for marker in markers[-1].markers} == {Marker.DELETE}
             )
-            count = values(telemetry())["valid predictions"]
-            arrays.clear()
-            node.wait_until(lambda: len(arrays) > 3)
-            assert values(telemetry())["valid predictions"] == count
+            counts = []
+            for _ in range(2):  # what had come before may still wait at the first
+                arrays.clear()
+                node.wait_until(lambda: len(arrays) > 3)
+                counts.append(values(telemetry())["valid predictions"])
+            assert counts[0] == counts[1]
         assert node.end() == 0, node.output
     valid = [record for record in map(json.loads, (r.data for r in records)) if record["valid"]]
     assert np.all(np.diff([record["vehicle_time_s"] for record in valid]) > 0)
-    assert {record["flight"] for record in valid} >= {0, 1, 2}
-    radii = [record["orbit_radius_m"] for record in valid]
-    assert radii == pytest.approx([RADIUS] * len(radii), rel=0.05)
+    assert len({record["flight"] for record in valid}) >= 3
+    radius = np.median([record["orbit_radius_m"] for record in valid])
+    assert radius == pytest.approx(RADIUS, rel=0.02)

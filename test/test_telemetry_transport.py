@@ -139,6 +139,22 @@ def test_tcp_server_may_go_away_and_come_back(link):
         wait_for(lambda: source.state() == "lost: Connection refused")
 
 
+def test_peer_that_is_called_may_be_absent_go_away_and_come_back(link):
+    port = free_port()
+    source = link(f"udpout:127.0.0.1:{port}")
+    wait_for(lambda: source.state() == "not up yet: Connection refused")
+    send = Sender()
+    for boot_ms in (1000, 3000):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+            vehicle.bind(("127.0.0.1", port))
+            vehicle.settimeout(LIMIT)
+            _, caller = vehicle.recvfrom(300)
+            vehicle.sendto(send(heartbeat()) + send(position(boot_ms)), caller)
+            assert collect(source, 1)[0].time == boot_ms / 1000
+            assert source._transport.trouble == ""
+        wait_for(lambda: source.state() == "lost: Connection refused")
+
+
 def test_link_that_is_refused_is_tried_ever_less_often(monkeypatch):
     class Clock:
         """A clock that only sleep moves on."""
