@@ -22,7 +22,7 @@ from ulog_bytes import UlogWriter, gps
 from ulog_bytes import message as ulog_message
 
 MB = 1_000_000
-SHORT, LONG = 4 * MB, 40 * MB
+SHORT, LONG = 2 * MB, 20 * MB
 # A log that is loaded takes all of its size and more, one that is streamed 2 MB.
 MOST = 6 * MB
 
