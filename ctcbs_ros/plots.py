@@ -92,10 +92,13 @@ def track_figure(
     )  # fmt: skip
     time = _column(predictions, "time_s")
     known, guessed, wrong = _wind_modelled(predictions)
+    settled = _settled(predictions)
+    settling = {"color": MASS, "alpha": SETTLING}
     for name, where, style, label in (
         ("tow_point", known | guessed | wrong, {"color": TOW}, "tow aircraft, with a prediction"),
         ("end_mass", guessed, IF_STILL, "end mass, where it will settle without wind (not known)"),
-        ("end_mass", known, {"color": MASS}, "end mass, where it will settle"),
+        ("end_mass", known & ~settled, settling, "end mass, where it will settle"),
+        ("end_mass", known & settled, {"color": MASS}, "end mass, settled"),
     ):
         if np.count_nonzero(where) < 2:  # is no line
             continue
@@ -149,7 +152,7 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
         label="limit of LOW_MARGIN",
     )  # fmt: skip
     margin.set_ylabel("decay rate of the\nleast damped mode [1/s]")
-    margin.legend(loc="best", frameon=False)
+    _legend_above(margin)
     if not np.isfinite(decay).any():
         _say_instead(margin, "not known" if len(time) else "no prediction")
 
@@ -162,7 +165,7 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
                 sign * 100.0 * limits.near_jump, color=LIMIT, linestyle="--", linewidth=1.0,
                 label="limit of NEAR_JUMP" if sign > 0 else None,
             )  # fmt: skip
-        jump.legend(loc="best", frameon=False)
+        _legend_above(jump)
     else:
         nothing = "in still air no change of speed or tow radius in reach makes the end mass jump"
         _say_instead(jump, nothing if len(time) else "no prediction")
@@ -195,7 +198,7 @@ def end_mass_figure(predictions: Table, samples: Table):
             *np.array(others).T, ".", markersize=2, color=OTHER,
             label="other steady states, in still air",
         )
-    settled = np.array([cell == "True" for cell in predictions["settled"]], dtype=bool)
+    settled = _settled(predictions)
     holds, guessed, wrong = _wind_modelled(predictions)
     east, north, up = (
         _column(predictions, f"end_mass_{axis}_m")
@@ -265,7 +268,10 @@ def beacon_figure(beacon: Table, samples: Table):
         off = _column(beacon, f"measured_minus_predicted_{axis}_m")
         for of, marks, color in (
             ("settled", settled, MASS),
-            ("still settling, or its wind not modelled", np.isfinite(off) & ~settled, REST),
+            (
+                "still settling, circle's end, or wind not modelled",
+                np.isfinite(off) & ~settled, REST,
+            ),
         ):
             if marks.any():
                 axes.plot(
@@ -285,8 +291,9 @@ def beacon_figure(beacon: Table, samples: Table):
         simulated = np.where(synchronised, simulated, nan)
         if np.isfinite(simulated).any():
             axes.plot(
-                time, simulated, ".", markersize=2, color=TOW, label="measured minus simulated"
-            )
+                time, simulated, ".", markersize=2, color=TOW, zorder=1.5,
+                label="measured minus simulated",
+            )  # fmt: skip
         axes.set_ylabel(label)
         axes.grid(alpha=0.3)
         if not (np.isfinite(off).any() or np.isfinite(simulated).any()):
@@ -353,6 +360,14 @@ def _say_instead(axes, text: str) -> None:
     axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center")
 
 
+def _legend_above(axes) -> None:
+    """Legend above the panel, where it lies on no curve."""
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False, borderaxespad=0.1,
+        fontsize="small",
+    )  # fmt: skip
+
+
 def _draw_warnings(axes, samples: Table, codes: list[str]) -> None:
     time = _column(samples, "time_s")
     known = np.isfinite(time)
@@ -379,6 +394,10 @@ def _spans(time: np.ndarray, on: list[bool]) -> list[tuple[float, float]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
     step = _usual_step(time)
     return [(time[first], time[after - 1] + step) for first, after in edges.reshape(-1, 2)]
+
+
+def _settled(predictions: Table) -> np.ndarray:
+    return np.array([cell == "True" for cell in predictions["settled"]], dtype=bool)
 
 
 def _wind_modelled(predictions: Table) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

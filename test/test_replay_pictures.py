@@ -166,3 +166,31 @@ def test_what_is_predicted_before_the_end_mass_has_settled_is_drawn_fainter(tmp_
     assert figure.axes[0].get_ylim()[0] == 0.0
     low, high = figure.axes[2].get_ylim()
     assert high - low >= plots.LEAST_SPAN
+
+
+def test_the_track_says_settled_only_of_what_has_settled(tmp_path):
+    for last, told in ((100, {"where it will settle"}), (50, {"where it will settle", "settled"})):
+        rows = [
+            {"time_s": t, "settled": t > last, "pose_holds": True, "wind_source": "flight",
+             "end_mass_east_m": t, "end_mass_north_m": 0.0, "tow_point_east_m": 0.0,
+             "tow_point_north_m": t}
+            for t in range(100)
+        ]  # fmt: skip
+        predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+        axes = shown(plots.track_figure(predictions, samples, []), tmp_path).axes[0]
+        labels = [str(line.get_label()).partition("end mass, ")[2] for line in axes.lines]
+        assert {label for label in labels if label} == told
+
+
+def test_no_legend_of_the_margins_lies_on_a_curve(tmp_path):
+    rows = [
+        {"time_s": t, "margin_per_s": 0.1 * (t % 9), "jump_speed_relative": 0.05 * (t % 7)}
+        for t in range(100)
+    ]
+    predictions, samples = table_of(PREDICTION_COLUMNS, rows), table_of(SAMPLE_COLUMNS, rows)
+    limits = load_configuration(DRONE).limits
+    figure = shown(plots.margin_figure(predictions, samples, limits), tmp_path)
+    for axes in figure.axes[:2]:
+        place = axes.get_legend().get_window_extent()
+        # It touches its own panel's edge from above, by its frame's padding.
+        assert not any(place.padded(-3.0).overlaps(one.get_window_extent()) for one in figure.axes)

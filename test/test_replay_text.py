@@ -6,7 +6,7 @@ from math import log
 import pytest
 
 from ctcbs_ros.prediction.codes import WarningCode
-from ctcbs_ros.replay.motion_kind import IN_WIND, UNKNOWN, UNMODELLED
+from ctcbs_ros.replay.motion_kind import IN_WIND, STILL_AIR, UNKNOWN, UNMODELLED
 from ctcbs_ros.replay.text import SKIPS, WARNINGS, summary_text
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
@@ -88,9 +88,9 @@ def test_text_of_the_summary_tells_positions_not_believed_from_those_after_a_ste
 def test_text_of_the_summary_gives_no_direction_of_a_wind_weaker_than_its_error(core_replay):
     (orbit,) = core_replay[1]["orbits"]
     calm = orbit | {"wind_source": "flight", "wind_speed_m_s": 0.02, "wind_std_m_s": 0.31}
-    calm |= {"wind_from_deg": None}
+    calm |= {"wind_from_deg": None, "end_mass_motion": STILL_AIR}
     text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [calm]})
-    assert "Wind at the end of orbit 1: 0.0 +- 0.3 m/s, by the flight" in text
+    assert "Wind at the end of orbit 1: 0.0 +- 0.3 m/s, by the flight, not told from none" in text
 
 
 def test_text_of_the_summary_says_what_is_not_known_and_what_never_comes(core_replay):
@@ -121,7 +121,8 @@ def test_text_of_the_summary_tells_where_the_end_mass_is_in_wind(core_replay):
         "end_mass_horizontal_std_m": 9.1, "end_mass_excursion_m": 47.0,
     }  # fmt: skip
     text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [windy]})
-    assert "about a place 55 m downwind and 27 m to the right of the circle's centre" in text
+    place = "about a place 55 m downwind and 27 m to the right (as one looks downwind) of"
+    assert f"{place} the circle's centre" in text
     assert "up to 47 m from there, 80 to 145 m below the circle, lowest 61 m above" in text
     assert "; +- 9 m" in text
     assert "7.0 +- 0.5 m/s from 0 deg" in text
@@ -153,3 +154,36 @@ def test_text_of_the_summary_counts_one_and_many(core_replay):
     text = summary_text(core_replay[1] | {"wall_s": 1.0, "link": link})
     assert "; 1 message lost, 2 damaged bytes in 1 place, " in text
     assert "2 wraps of the vehicle's clock, 1 reboot\n" in text
+
+
+def test_text_of_the_summary_tells_where_and_when_the_look_ahead_has_it_settled(core_replay):
+    (orbit,) = core_replay[1]["orbits"]
+    at = orbit["ahead_settles_at_s"]
+    assert orbit["start_s"] < at < orbit["end_s"]
+    # It is not looked up in the prediction: the cable in time comes there by itself, to 5 % of a.
+    for name in ("radius", "depth"):
+        predicted = orbit[f"end_mass_{name}_m"]
+        assert orbit[f"ahead_{name}_m"] == pytest.approx(predicted, abs=0.05 * 60.0)
+    assert abs(complex(orbit["ahead_east_m"], orbit["ahead_north_m"])) < 0.05 * 60.0
+    summary = core_replay[1] | {"wall_s": 1.0}
+    told = f"settles from {at:.0f} s on, {orbit['ahead_radius_m']:.0f} m around a place"
+    assert told in summary_text(summary)
+    left = orbit | {"end_s": at - 1.0}
+    assert "(had the circle been flown on)" in summary_text(summary | {"orbits": [left]})
+    below = orbit | {
+        "end_mass_motion": IN_WIND, "end_mass_lowest_above_home_m": -7.0,
+        **dict.fromkeys(
+            ("end_mass_downwind_m", "end_mass_crosswind_m", "end_mass_excursion_m",
+             "end_mass_least_depth_m", "end_mass_greatest_depth_m", "end_mass_horizontal_std_m"),
+            1.0,
+        ),
+    }  # fmt: skip
+    assert "lowest 7 m BELOW home" in summary_text(summary | {"orbits": [below]})
+
+
+def test_text_of_the_summary_tells_predictions_that_belong_to_no_orbit(core_replay):
+    summary = core_replay[1] | {"wall_s": 1.0}
+    assert summary["predictions_outside_orbits"] == 0
+    assert "elsewhere in the flight" not in summary_text(summary)
+    text = summary_text(summary | {"predictions_outside_orbits": 6})
+    assert "Some 6 predictions are of arcs elsewhere in the flight" in text

@@ -29,6 +29,8 @@ REMEMBERED_EVERY = 5.0
 _SOURCES = tuple(WindSource)
 _MARGINS_OF = tuple(MarginOf)
 _ENDINGS = tuple(Ending)
+# Where a look-ahead ends: about which place, from the circle's centre, and how far around it [m].
+_AHEAD = ("ahead_east_m", "ahead_north_m", "ahead_depth_m", "ahead_radius_m")
 # Of the end mass's motion in wind, about the circle's centre.
 _MOTION = (
     "end_mass_east_m", "end_mass_north_m", "end_mass_downwind_m", "end_mass_crosswind_m",
@@ -73,6 +75,7 @@ class Summary:
         self._apart, self._apart_stated, self._apart_settled = array("d"), array("d"), array("b")
         # What the look-ahead comes to, by number, or -1; when it settles, nan where it does not.
         self._endings, self._settles_at = array("b"), array("d")
+        self._places_ahead = array("d")  # `_AHEAD`
         self._twin: Simulated | None = None
 
     def add(self, prediction: Prediction) -> None:
@@ -93,6 +96,7 @@ class Summary:
             ):  # fmt: skip
                 remembered.pop()
             del self._motions[-len(_MOTION) :]
+            del self._places_ahead[-len(_AHEAD) :]
             del self._loops[-2 * _LOOP_POINTS :]
         self._segments.add(prediction.time, prediction.orbit, prediction.tow_point)
         if prediction.wind is not None and REJECTED in prediction.wind.note:
@@ -124,6 +128,7 @@ class Summary:
             ahead = prediction.simulated and prediction.simulated.settling
             self._endings.append(-1 if ahead is None else _ENDINGS.index(ahead.ending))
             self._settles_at.append(nan if ahead is None else ahead.settles_at)
+            self._places_ahead.extend(_place_ahead(prediction))
             self._counts.append(0)
             self._not_modelled.append(0)
         if prediction.valid:
@@ -163,7 +168,10 @@ class Summary:
             or, where there are none, on the way to it (whether settled, number of moments, median
             and greatest distance, and the median of that over the joint standard deviation).
             What the simulation's look-ahead came to, and from when on the end mass would be within
-            5 % of the tow radius of where it settles for good [s], None where it would not be.
+            5 % of the tow radius of where it settles for good [s], None where it would not be;
+            about which place that is, east and north of the circle's centre and below it, and how
+            far around it on the average [m].
+            predictions_outside_orbits counts those of arcs that came to no orbit, to within 5 s.
             flights counts the boots of the vehicle that gave believed samples;
             simulation_begun_anew says why the twin was, and how often, None where there is none.
 
@@ -173,7 +181,13 @@ class Summary:
         where the track comes onto it. Predictions begin when half a turn has shown it, and may end
         a quarter of a turn late.
         """
-        orbits = [self._orbit(segment) for segment in self._segments.finish()]
+        segments = self._segments.finish()
+        orbits = [self._orbit(segment) for segment in segments]
+        elsewhere = sum(
+            count
+            for time, count in zip(self._times, self._counts, strict=True)
+            if not any(one.start_time <= time <= one.end_time for one in segments)
+        )
         losses = None
         if self._twin is not None:
             losses = {why.value: count for why, count in self._twin.losses.items()}
@@ -184,6 +198,7 @@ class Summary:
                 "samples": self._winds_rejected, "newest": self._wind_rejected or None,
             },
             "orbits": orbits,
+            "predictions_outside_orbits": elsewhere,
             "flights": len(self._flights),
             "simulation_begun_anew": losses,
         }  # fmt: skip
@@ -262,14 +277,16 @@ class Summary:
         told = [i for i in range(first, last + 1) if self._endings[i] >= 0]
         before = [i for i in told if self._settles_at[i] > self._times[i]]
         if not told:
-            return {"ahead_ending": None, "ahead_settles_at_s": None}
+            return dict.fromkeys(("ahead_ending", "ahead_settles_at_s", *_AHEAD))
         # Once it has settled what is told is that it has.
         newest = told[-1]
         if isfinite(self._settles_at[newest]):
             newest = before[-1] if before else told[0]
+        place = self._places_ahead[newest * len(_AHEAD) : (newest + 1) * len(_AHEAD)]
         return {
             "ahead_ending": _ENDINGS[self._endings[newest]].value,
             "ahead_settles_at_s": finite(self._settles_at[newest] - self._first_time),
+            **{name: finite(value) for name, value in zip(_AHEAD, place, strict=True)},
         }
 
     def _motion(self, first: int, last: int) -> dict[str, Any]:
@@ -327,6 +344,19 @@ def _motion(prediction: Prediction, kind: str) -> tuple[float, ...]:
         east, north, off.real, off.imag, spread, end_mass.excursion, depth.min(), depth.max(),
         end_mass.lowest_height_above_home,
     )  # fmt: skip
+
+
+def _place_ahead(prediction: Prediction) -> tuple[float, ...]:
+    """The numbers of `_AHEAD`; nan without a look-ahead."""
+    simulated, orbit = prediction.simulated, prediction.orbit
+    ahead = None if simulated is None else simulated.settling
+    if ahead is None:
+        return (nan,) * len(_AHEAD)
+    # The centre as it will be, where it drifts or climbs.
+    at = ahead.settles_at if isfinite(ahead.settles_at) else ahead.begun
+    moved = (at - orbit.time) * np.array([*orbit.drift, orbit.climb_rate])
+    east, north, up = ahead.mean - orbit.center - moved
+    return east, north, -up, ahead.radius
 
 
 def _loop(prediction: Prediction, kind: str) -> np.ndarray:

@@ -9,7 +9,7 @@ from ctcbs_ros.orbit.segments import LEAST_TURNS
 from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.prediction import MarginOf
 from ctcbs_ros.prediction.warnings import skip_warnings
-from ctcbs_ros.replay.motion_kind import IN_WIND, UNKNOWN, UNMODELLED
+from ctcbs_ros.replay.motion_kind import IN_WIND, STILL_AIR, UNKNOWN, UNMODELLED
 from ctcbs_ros.telemetry.skip_code import SkipCode
 from ctcbs_ros.twin.look_ahead import Ending
 
@@ -92,6 +92,12 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
         )
     yield ""
     yield from _orbit_lines(summary["orbits"], summary["predictions"])
+    outside = summary["predictions_outside_orbits"]
+    if summary["orbits"] and outside:
+        yield (
+            f"Some {_counted(outside, 'prediction')} are of arcs elsewhere in the flight, too "
+            "short for an orbit of the table."
+        )
     rejected = summary["autopilot_wind_rejected"]
     if rejected["samples"]:
         yield (
@@ -192,6 +198,7 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
             yield (
                 f"Wind at the end of orbit {number}: {orbit['wind_speed_m_s']:.1f} +- "
                 f"{orbit['wind_std_m_s']:.1f} m/s{origin}, by the {orbit['wind_source']}"
+                + (", not told from none" if orbit["end_mass_motion"] == STILL_AIR else "")
             )
         if orbit["end_mass_motion"] == IN_WIND:
             yield f"In it, once settled: end mass of orbit {number} {_in_wind(orbit)}"
@@ -218,9 +225,14 @@ def _ahead(orbit: dict[str, Any]) -> str:
             Ending.OSCILLATES.value: "the end mass keeps oscillating",
             Ending.UNDECIDED.value: "it is not decided where the end mass settles",
         }.get(orbit["ahead_ending"], "not known")
+    at = orbit["ahead_settles_at_s"]
     told = (
-        "within 5 % of the tow radius of where it settles from "
-        f"{orbit['ahead_settles_at_s']:.0f} s on"
+        f"within 5 % of the tow radius of where it settles from {at:.0f} s on"
+        + (" (had the circle been flown on)" if at > orbit["end_s"] else "")
+        + f", {orbit['ahead_radius_m']:.0f} m around a place "
+        f"{_toward(orbit['ahead_east_m'], 'east', 'west')} and "
+        f"{_toward(orbit['ahead_north_m'], 'north', 'south')} of the circle's centre, "
+        f"{orbit['ahead_depth_m']:.0f} m below the circle"
     )
     if orbit["settling_time_s"] is None:
         return told
@@ -252,7 +264,7 @@ def _in_wind(orbit: dict[str, Any]) -> str:
         across = orbit["end_mass_crosswind_m"]
         place = (
             f"{_toward(orbit['end_mass_downwind_m'], 'downwind', 'upwind')} and "
-            f"{_toward(across, 'to the left', 'to the right')}"
+            f"{_toward(across, 'to the left', 'to the right')} (as one looks downwind)"
         )
     else:
         place = (
@@ -265,13 +277,17 @@ def _in_wind(orbit: dict[str, Any]) -> str:
         f"{orbit['end_mass_excursion_m']:.0f} m from there, "
         f"{orbit['end_mass_least_depth_m']:.0f} to {orbit['end_mass_greatest_depth_m']:.0f} m "
         "below the circle"
-        + ("" if lowest is None else f", lowest {lowest:.0f} m above home or set ground")
+        + ("" if lowest is None else f", lowest {_height(lowest)} home or set ground")
         + f"; +- {orbit['end_mass_horizontal_std_m']:.0f} m"
     )
 
 
 def _toward(distance: float, positive: str, negative: str) -> str:
     return f"{abs(distance):.0f} m {positive if distance >= 0.0 else negative}"
+
+
+def _height(height: float) -> str:
+    return _toward(height, "above", "BELOW")
 
 
 def _motion_lines(orbits: list[dict[str, Any]]) -> Iterator[str]:
