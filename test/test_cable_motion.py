@@ -63,6 +63,29 @@ def test_the_motion_is_the_references_by_another_integrator():
     assert found[1] < 2e-8
 
 
+def test_a_pick_up_on_the_circle_is_that_of_the_references_by_another_integrator():
+    # MoorDyn's end mass cannot change: the same peer, stopped and gone on with another mass
+    light = {**STRETCHED, "m": 3.5}
+    heavy = {**light, "m": 5.0, "f": 1.4}
+    (state,) = steady_states(parameters(light)).states
+    n, before, after = 8, np.array([0.0, 1.0, 2.0]), np.array([2.0, 2.5, 3.0, 4.0])
+    rest = equilibrium(state, n)
+    push = np.linspace(0.05, 0.0, n + 1)[:, None] * [1.0, 0.5, 0.3]
+    there = LumpedMass(light, n).simulate(rest.positions[:-1].ravel(), push[:-1].ravel(), before)
+    picked = LumpedMass(heavy, n).simulate(*np.split(there[-1], 2), after)
+    # it matters: without, the mass is elsewhere
+    left = LumpedMass(light, n).simulate(*np.split(there[-1], 2), after)
+    assert np.linalg.norm(picked[-1, :3] - left[-1, :3]) > 0.05
+    line = line_of(state.parameters)
+    ends = [line.end, line_of(parameters(heavy)).end]
+    driven = drive(line, circle(1.0, 1.0, 0.0, 5.0), end=steps([2.0], ends))
+    start = with_disturbance(rest, velocities=push)
+    times = np.concatenate([before, after[1:]])
+    motion = simulate(line, driven, start, times, 1e-7)
+    expected = np.concatenate([there, picked[1:]])[:, :3]
+    assert turned(motion.positions[:, 0], times) == pytest.approx(expected, abs=1e-6)
+
+
 def test_explicit_and_implicit_peers_find_the_same_motion_in_a_rising_wind():
     (state,) = steady_states(parameters(STRETCHED)).states
     line, start, span = line_of(state.parameters), equilibrium(state, 20), 6.0

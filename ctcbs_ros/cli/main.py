@@ -106,6 +106,7 @@ def _parser() -> argparse.ArgumentParser:
         simulate_cable,
         steady,
         table,
+        twin_study,
         validate,
         wind_study,
     )
@@ -118,7 +119,8 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
     for command in (
         steady, periodic, branch, cusp, critical_drag, design, figures, table, replay, simulate,
-        simulate_cable, entry, bench, orbit_study, wind_study, pose_study, validate,
+        simulate_cable, entry, bench, orbit_study, wind_study, pose_study,
+        twin_study, validate,
     ):  # fmt: skip
         command.add_parser(commands)
     return parser
