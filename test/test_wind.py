@@ -1,7 +1,7 @@
 """Wind from a turn: the circle of velocities, what it rests on, what is stated of its error."""
 
 from dataclasses import replace
-from math import cos, nan, radians, sin, sqrt
+from math import cos, hypot, nan, radians, sin, sqrt
 
 import numpy as np
 import pytest
@@ -331,6 +331,30 @@ def test_an_autopilot_that_the_flight_contradicts_is_not_believed():
     choice.told(0.0, (-7.0, -7.0, 0.0), 0.5)
     assert choice.at(0.0).source is WindSource.FLIGHT
     assert "opposite" not in choice.at(0.0).note
+
+
+def test_an_autopilots_wind_without_an_error_is_known_no_better_than_it_has_changed_lately():
+    # It begins at nought and converges: 6 m/s within 20 s.
+    choice = WindChoice()
+    for t in np.arange(0.0, 21.0):
+        choice.told(t, (0.3 * t + 0.1, 0.0, 0.0), nan)
+    assert choice.at(20.0).velocity == pytest.approx([6.1, 0.0])
+    assert choice.at(20.0).sigma == pytest.approx(hypot(1.5, 6.0))
+    # Contradicted it is by what it says now.
+    choice.shown(shown([-6.0, 0.0], time=20.0))
+    assert choice.at(20.0).source is WindSource.FLIGHT
+    # A minute without a change, and it is as well known as before; so is one that states it.
+    for t in np.arange(21.0, 82.0):
+        choice.told(t, (6.1, 0.0, 0.0), nan)
+    choice.shown(shown([6.0, 0.0], time=81.0))
+    assert choice.at(81.0).sigma == pytest.approx(1.5)
+    choice.told(82.0, (1.0, 0.0, 0.0), 0.5)
+    assert choice.at(82.0).sigma == pytest.approx(0.4, abs=0.02)  # the flight's
+    # Clocks that go back begin anew.
+    choice.told(3.0, (1.0, 0.0, 0.0), nan)
+    choice.reset()
+    choice.told(3.0, (1.0, 0.0, 0.0), nan)
+    assert choice.at(3.0).sigma == pytest.approx(1.5)
 
 
 def test_no_wind_sent_as_nought_is_not_known_and_a_poor_estimate_is_not_used():

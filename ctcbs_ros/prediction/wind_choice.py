@@ -6,9 +6,14 @@ The rule, in this order:
 2. the flight's own, while its standard deviation is below a limit;
 3. the one set by parameters;
 4. none.
+
+An autopilot's wind without a stated error is known no better than it has changed lately: an
+estimate that begins at nought, or at the wind of another height, takes some turns to converge.
 """
 
-from math import cos, isfinite, radians, sin
+from collections import deque
+from dataclasses import replace
+from math import cos, hypot, isfinite, radians, sin
 
 import numpy as np
 
@@ -25,6 +30,8 @@ from ctcbs_ros.orbit.wind import (
 FRESH = 10.0
 # Standard deviation of one axis of an autopilot's wind where it states none (WIND) [m/s].
 AUTOPILOT_SIGMA = 1.5
+# Time over which its changes count as its error as well, and the least between two kept [s].
+_RECENT, _APART = 60.0, 2.0
 # Standard deviation up to which the flight's own wind is used [m/s].
 MOST_SIGMA = 1.5
 # Growth of its variance with its age, 1 m/s in 100 s [(m/s)^2/s].
@@ -49,6 +56,9 @@ class WindChoice:
         """Forget what was said and shown: another flight."""
         self._by_autopilot: Wind | None = None
         self._told_at = -np.inf
+        # What it said lately without an error: time, east, north; and by how much it has changed.
+        self._said: deque[tuple[float, float, float]] = deque(maxlen=int(_RECENT / _APART) + 1)
+        self._changed = 0.0
         self._by_flight: FlightWind | None = None
 
     def told(self, time: float, velocity, sigma: float) -> None:
@@ -66,11 +76,24 @@ class WindChoice:
         east, north = velocity[:2]
         if not isfinite(east + north) or (east == 0.0 and north == 0.0):
             return
-        sigma = sigma if 0.0 < sigma < np.inf else AUTOPILOT_SIGMA
+        stated = 0.0 < sigma < np.inf
+        self._changed = 0.0 if stated else self._change(time, east, north)
+        sigma = sigma if stated else AUTOPILOT_SIGMA
         self._by_autopilot = Wind(
             np.array([east, north]), sigma**2 * np.eye(2), WindSource.AUTOPILOT
         )
         self._told_at = time
+
+    def _change(self, time: float, east: float, north: float) -> float:
+        """Largest difference to what the autopilot said lately [m/s]."""
+        said = self._said
+        if said and time < said[-1][0]:
+            said.clear()
+        while said and time - said[0][0] > _RECENT:
+            said.popleft()
+        if not said or time - said[-1][0] >= _APART:
+            said.append((time, east, north))
+        return max(hypot(east - e, north - n) for _, e, n in said)
 
     def shown(self, wind: FlightWind | None) -> None:
         """Take in what the present turn shows; None where it shows nothing."""
@@ -81,15 +104,17 @@ class WindChoice:
         """The wind believed at a time [s]; None where nobody knows."""
         flight = self._of_flight(time)
         autopilot = self._by_autopilot if time - self._told_at <= FRESH else None
+        # Whether it is contradicted is asked of what it says, not of what it may become.
+        believed = None if autopilot is None else _widened(autopilot, self._changed)
         if autopilot is not None and flight is not None:
             if not contradict(autopilot, flight):
-                return _noted(autopilot, f"the flight shows {described(flight)}")
+                return _noted(believed, f"the flight shows {described(flight)}")
             note = f"{flight.note}; {REJECTED}{described(autopilot)}"
             opposite = _turned(autopilot)
             if not contradict(opposite, flight):
                 note += ", the opposite: where it blows to"
             return _noted(flight, note)
-        return autopilot or flight or self._by_user
+        return believed or flight or self._by_user
 
     def _of_flight(self, time: float) -> Wind | None:
         shown = self._by_flight
@@ -120,6 +145,10 @@ def described(wind: Wind) -> str:
 
 def _noted(wind: Wind, note: str) -> Wind:
     return Wind(wind.velocity, wind.covariance, wind.source, note)
+
+
+def _widened(wind: Wind, changed: float) -> Wind:
+    return replace(wind, covariance=wind.covariance + changed**2 * np.eye(2))
 
 
 def _turned(wind: Wind) -> Wind:
