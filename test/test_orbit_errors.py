@@ -119,13 +119,25 @@ def test_the_phase_is_that_of_a_weighted_line_through_the_newest_part():
     newest = time > time[-1] - 4.0
     slope_and_phase = np.polyfit(time[newest] - time[-1], angle[newest], 1, w=1.0 / sigma[newest])
     operator = np.zeros(60)
-    phase = newest_phase(time, angle, sigma, 4.0, operator)
+    phase = newest_phase(time, angle, sigma, np.zeros(2), 4.0, operator)
     assert phase == pytest.approx(slope_and_phase[1], rel=1e-9)
     assert operator @ angle == pytest.approx(phase)
     assert not operator[~newest].any()
+    # A variation once a turn that is known does not bend the line.
+    even = np.linspace(-1.0, 0.6, 60)
+    bent = even.copy()
+    for _ in range(60):
+        bent = even + 0.3 * np.cos(bent) - 0.2 * np.sin(bent)
+    operator[:] = 0.0
+    harmonic = np.array([0.3, -0.2])
+    level = newest_phase(
+        np.linspace(-9.0, 0.0, 60), bent, np.ones(60), harmonic, 4.0, operator
+    )
+    assert level == pytest.approx(bent[-1], abs=5e-4)
+    assert abs(operator @ bent - bent[-1]) > 2e-3
     # Never fewer than three samples.
     operator[:] = 0.0
-    newest_phase(time, angle, sigma, 1e-9, operator)
+    newest_phase(time, angle, sigma, np.zeros(2), 1e-9, operator)
     assert np.flatnonzero(operator).tolist() == [57, 58, 59]
 
 

@@ -142,9 +142,9 @@ def test_the_mean_rate_is_free_of_what_wind_does_once_a_turn():
     ) * (2.0 * np.pi / 20_000))
     mean = 2.0 * np.pi / turn
     operator = np.empty(100)
-    with_harmonic, _ = mean_rate(time, angle, np.full(100, 0.01), True, operator)
+    with_harmonic, _ = mean_rate(time, angle, np.full(100, 0.01), True, operator, np.empty(2))
     assert operator @ angle == pytest.approx(with_harmonic, rel=1e-9)
-    without, excess = mean_rate(time, angle, np.full(100, 0.01), False, operator)
+    without, excess = mean_rate(time, angle, np.full(100, 0.01), False, operator, np.empty(2))
     assert with_harmonic == pytest.approx(mean, rel=0.02)
     assert abs(without - mean) > abs(with_harmonic - mean)
     design = np.column_stack([np.ones(100), time])
@@ -275,8 +275,9 @@ def test_a_circle_lags_behind_a_growing_radius_by_what_is_said(turns, sense, dri
     )
     seen, operators = np.empty(count), np.zeros((2, count))
     continuous_angles(fit.points, *fit.center, age, sense * speed / radius, seen)
-    rate, _ = mean_rate(age, seen, sigma / fit.radius, False, operators[0])
-    phase = newest_phase(age, seen, sigma, 2.0, operators[1])
+    harmonic = np.empty(2)
+    rate, _ = mean_rate(age, seen, sigma / fit.radius, False, operators[0], harmonic)
+    phase = newest_phase(age, seen, sigma, harmonic, 2.0, operators[1])
     moved = np.empty(len(fit.inverse) + 2)
     lag(
         fit.points, fit.velocities, age, fit.circle, fit.weight, fit.inverse, seen, operators,

@@ -54,7 +54,7 @@ def test_wind_of_the_autopilot_that_the_flight_contradicts_is_told_in_the_summar
     records, summary = replay_of("plane_real_wind.tlog")
     rejected = summary["autopilot_wind_rejected"]
     notes = [r["wind_note"] for r in records if "the autopilot says" in (r.get("wind_note") or "")]
-    assert rejected["samples"] == len(notes) > 100
+    assert rejected["samples"] == len(notes) > 50
     assert notes[-1].endswith(f"the autopilot says {rejected['newest']}")
     speed, _, _, direction, *_ = rejected["newest"].split()
     assert 5.0 < float(speed) < 9.0
@@ -67,4 +67,4 @@ def test_summary_of_the_real_flight_has_the_end_mass_downwind_of_its_circle(repl
     (orbit,) = replay_of("plane_real_wind.tlog")[1]["orbits"]
     # The circle is wide and slow, 1.3 turns in gusts: 45 m is what 7 m/s do to a steady one.
     assert 30.0 < orbit["end_mass_downwind_m"] < 75.0
-    assert 5.0 < orbit["end_mass_horizontal_std_m"] < 30.0
+    assert 5.0 < orbit["end_mass_horizontal_std_m"] < 40.0

@@ -99,7 +99,7 @@ def progress(radial, angle, time, sense, arc, believed, quiet):
 
 
 @kernel
-def mean_rate(time, angle, sigma, with_harmonic, operator):
+def mean_rate(time, angle, sigma, with_harmonic, operator, harmonic):
     """Mean angular rate and its variance, of the angle against time.
 
     Parameters
@@ -110,6 +110,8 @@ def mean_rate(time, angle, sigma, with_harmonic, operator):
         Whether a variation once a turn is fitted beside the mean.
     operator : (n,) array, written
         Takes the angles to the rate.
+    harmonic : (2,) array, written
+        Of that variation: of the cosine and the sine of the angle [rad]; else nought.
 
     Returns
     -------
@@ -134,6 +136,7 @@ def mean_rate(time, angle, sigma, with_harmonic, operator):
     solution = np.empty(k)
     inverse = np.empty((k, k))
     squares, determined = least_squares(design, shifted, weight, solution, inverse)
+    harmonic[:] = 0.0
     if not determined:
         return np.nan, 1.0
     for i in range(n):
@@ -141,17 +144,23 @@ def mean_rate(time, angle, sigma, with_harmonic, operator):
         for j in range(k):
             total += inverse[1, j] * design[i, j]
         operator[i] = total * weight[i] / span
+    if with_harmonic:
+        harmonic[:] = solution[2:]
     return solution[1] / span, max(1.0, squares / max(n - k, 1))
 
 
 @kernel
-def newest_phase(time, angle, sigma, reach, operator):
+def newest_phase(time, angle, sigma, harmonic, reach, operator):
     """Angle at the newest sample, from a line through the newest part of the turn.
+
+    Beside the variation once a turn, where that is known: the line misses its bend.
 
     Parameters
     ----------
     time, angle, sigma : (n,) arrays
         [s], [rad], and standard deviation of the angle, of any scale.
+    harmonic : (2,) array
+        As `mean_rate` left it.
     reach : float
         Time that counts as newest [s], at least three samples.
     operator : (n,) array of nought, written
@@ -171,9 +180,17 @@ def newest_phase(time, angle, sigma, reach, operator):
     spread = 0.0
     for i in range(first, n):
         spread += operator[i] * (time[i] - time[n - 1] - mean) ** 2
-    phase = 0.0
+    phase, even = 0.0, 0.0
     for i in range(first, n):
         if spread > 0.0:
             operator[i] *= 1.0 - mean * (time[i] - time[n - 1] - mean) / spread
         phase += operator[i] * angle[i]
-    return phase
+        even += operator[i] * (angle[i] - swing(angle[i], harmonic))
+    # Not at the newest angle, whose noise would count once more.
+    return even + swing(even + swing(phase, harmonic), harmonic)
+
+
+@kernel
+def swing(angle, harmonic):
+    """Variation once a turn at an angle [rad]; `harmonic` as `mean_rate` left it."""
+    return harmonic[0] * np.cos(angle) + harmonic[1] * np.sin(angle)

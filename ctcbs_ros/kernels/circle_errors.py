@@ -70,6 +70,24 @@ def clipped_rms(values, most):
 
 
 @kernel
+def expected_square(age, correlated_sigma, correlation_time, variance):
+    """Mean square of the distances from a circle that the errors explain, over the white ones'.
+
+    Parameters
+    ----------
+    age, correlated_sigma, correlation_time
+        As `shown_variances` has them.
+    variance : float
+        Of a position's white error [m^2].
+    """
+    varying = 0.0
+    for i in range(age.shape[0]):
+        varying += correlated_sigma[i] ** 2 / age.shape[0]
+    # Of a slowly varying error, the part that a straight course through it does not follow.
+    return 1.0 + varying * min(1.0, -age[0] / (6.0 * correlation_time)) / variance
+
+
+@kernel
 def shown_variances(
     radial, along, weight, velocities, radius, late, age, white_sigma, correlated_sigma,
     correlation_time, stated, least_velocity_sigma, position_variance, velocity_variance,
@@ -103,16 +121,13 @@ def shown_variances(
         the white errors' variance as the fit took it.
     """
     n = radial.shape[0]
-    shares, squares, variance, varying = 0.0, 0.0, 0.0, 0.0
+    shares, squares, variance = 0.0, 0.0, 0.0
     for i in range(n):
         shares += weight[0, i] * position_variance[i]
         squares += weight[0, i] * radial[i] ** 2
         variance += position_variance[i] / n
-        varying += correlated_sigma[i] ** 2 / n
     seen = squares / (max(shares - 3.0, 1.0) * _HUBER_VARIANCE)
-    # Of a slowly varying error, the part that a straight course through it does not follow.
-    varying *= min(1.0, -age[0] / (6.0 * correlation_time))
-    expected = 1.0 + varying / variance
+    expected = expected_square(age, correlated_sigma, correlation_time, variance)
     if stated:
         return seen, expected
     squares, total = 0.0, 0.0

@@ -26,6 +26,7 @@ from ctcbs_ros.orbit.noise import (
     fit_by_scatter,
     height,
     lag_covariance,
+    misfit,
 )
 from ctcbs_ros.orbit.objection import Objection, drifts_with_the_air, objection
 from ctcbs_ros.orbit.orbit import ORBIT_STATE, Orbit
@@ -53,6 +54,11 @@ _NO_TURN = 5.0
 _FEWEST = 6
 # Windows tried in turn, over the whole one.
 _SHARES = (1.0, 0.75, 0.55)
+# Excess of the mean square residual, over the white errors', from which a part of the window, that
+# is tried because the whole is on no circle, is taken to be of two itself.
+_TWO_CIRCLES = 2.0
+# Part of a turn from which a fit to all of the window shows a change for what it is.
+_WHOLE = 0.95
 # Time for which a circle left early makes the next one need more evidence, in turns of it.
 _DOUBTFUL = 2.0
 # Time for which a circle is remembered once lost, in turns of it.
@@ -316,21 +322,29 @@ class OrbitEstimator:
         against = objection(fit, samples, angle, least_arc, sigma, widened, flown, s)
         if against is not None:
             return against
+        excess_square = off = 0.0
+        if shortened or arc < _WHOLE * TURN:
+            excess_square, off = misfit(samples, position_sigma, widened[2], s)
+        if shortened and excess_square > _TWO_CIRCLES:
+            return Objection("the newest part of the turn is not on one circle yet")
         # In wind the rate varies once a turn. Over a whole turn that variation is fitted beside
         # the mean; over less it cannot be told from the mean, and the residuals' scatter says so.
-        operators = np.zeros((2, len(samples)))
+        operators, harmonic = np.zeros((2, len(samples))), np.empty(2)
         rate, excess = mean_rate(
-            time, angle, position_sigma / fit.radius, arc > 0.95 * TURN, operators[0]
+            time, angle, position_sigma / fit.radius, arc > _WHOLE * TURN, operators[0],
+            harmonic,
         )
         if not rate * sense > 0.0 or abs(rate) * fit.radius < s.minimum_speed:
             return Objection("the angle about the centre does not advance")
         reach = NEWEST * TURN / abs(rate)
-        phase = newest_phase(time, angle, position_sigma, reach, operators[1])
+        phase = newest_phase(time, angle, position_sigma, harmonic, reach, operators[1])
         up, climb, height_covariance = height(samples, s.correlation_time)
         of_circle = circle_covariance(
             fit, samples, position_sigma, velocity_sigma, operators, abs(rate), excess, s
         )
-        of_circle += lag_covariance(fit, samples, angle, operators, rate, widened, shortened, s)
+        of_circle += lag_covariance(
+            fit, samples, angle, operators, rate, widened, shortened, off, s
+        )
         if not of_circle[2, 2] < (s.known_share * fit.radius) ** 2:
             return Objection(
                 f"the radius of {fit.radius:.0f} m is known to +-{sqrt(of_circle[2, 2]):.1f} m, "

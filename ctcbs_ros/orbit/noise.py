@@ -7,7 +7,12 @@ import numpy as np
 
 from ctcbs_ros.kernels.circle import scatter
 from ctcbs_ros.kernels.circle_covariance import propagate
-from ctcbs_ros.kernels.circle_errors import height_and_climb, shown_variances, white_scatter
+from ctcbs_ros.kernels.circle_errors import (
+    expected_square,
+    height_and_climb,
+    shown_variances,
+    white_scatter,
+)
 from ctcbs_ros.kernels.circle_trend import lag
 from ctcbs_ros.orbit.circle_fit import CircleFit, fit_circle
 from ctcbs_ros.orbit.settings import TURN, OrbitSettings
@@ -28,6 +33,9 @@ _EXCESS_TURN = 0.1
 TOLD = 1.6
 # Standard deviations from which a change of the radius is seen, and what its lag then counts for.
 _SEEN, _GOES_ON = 2.0, 2.0
+# What the radius may be off by where the track is off the circle, at a whole turn: a radius that
+# changed within an arc of x turns leaves residuals of so much less, times x^2.3 (0.5 to 1 turn).
+_HIDDEN, _HIDDEN_POWER = 5.0, 2.3
 # Parts of the samples that a line of the height is fitted to, the fewest, and by how much the line
 # may pass by the newest ones [m], beside noise of at least so much [m].
 _HEIGHT_SHARES = (1.0, 0.5, 0.25, 0.12)
@@ -160,6 +168,35 @@ def circle_covariance(
     return covariance
 
 
+def misfit(
+    samples: Samples, position_sigma: np.ndarray, square: float, settings: OrbitSettings
+) -> tuple[float, float]:
+    """Residuals beyond the stated errors and a steady change of the radius.
+
+    Parameters
+    ----------
+    samples, position_sigma, settings
+        As `circle_covariance` has them.
+    square : float
+        Of `kernels.circle_trend.widening`.
+
+    Returns
+    -------
+    excess : float
+        Of their mean square, beyond chance, over the white errors' variance; at least nought.
+    variance : float
+        The same [m^2].
+    """
+    white = float(position_sigma @ position_sigma) / len(samples)
+    expected = expected_square(
+        samples.age, samples.correlated_sigma, settings.correlation_time, white
+    )
+    # Where the white errors are not stated, their own scale is uncertain as well.
+    chance = (1.0 if samples.stated else 2.0) * _EXCESS / sqrt(len(samples))
+    excess = max(square - expected - chance, 0.0)
+    return excess, excess * white
+
+
 def lag_covariance(
     fit: CircleFit,
     samples: Samples,
@@ -168,6 +205,7 @@ def lag_covariance(
     rate: float,
     widened: tuple[float, float, float],
     shortened: bool,
+    off: float,
     settings: OrbitSettings,
 ) -> np.ndarray | float:
     """What `circle_covariance` misses where the radius changes: its circle lags behind.
@@ -175,6 +213,7 @@ def lag_covariance(
     The square of the change beyond chance; while a spiral is not told from a circle, that change
     with its variance. A change that is seen may go on: it counts twice, and for the centre in any
     direction. So does any where the circle fits a part of the window alone: it has just changed.
+    An arc that is off its circle may be of two: a change within it hides behind small residuals.
 
     Parameters
     ----------
@@ -188,6 +227,8 @@ def lag_covariance(
         Of `kernels.circle_trend.widening`.
     shortened : bool
         Whether the samples are but a part of the window, the whole of which is on no circle.
+    off : float
+        Of `misfit`, where the samples are less than a turn, else nought [m^2].
     settings : OrbitSettings
 
     Returns
@@ -195,12 +236,14 @@ def lag_covariance(
     (5, 5) or (7, 7) ndarray, or 0.0
     """
     change, variance, _ = widened
-    untold = abs(angle[-1] - angle[0]) < settings.drift_arc
+    arc = abs(angle[-1] - angle[0])
+    untold = arc < settings.drift_arc
     seen = _GOES_ON**2 * max(change**2 - _SEEN**2 * variance, 0.0)
     if shortened:
         seen = _GOES_ON**2 * change**2 + variance
-    square = max(change**2 + (variance if untold else -variance), seen)
-    if not 0.0 < square < inf:
+    square = max(change**2 + (variance if untold else -variance), seen, 0.0)
+    hidden = off * (_HIDDEN / (arc / TURN) ** _HIDDEN_POWER) ** 2
+    if not 0.0 < square + hidden < inf:
         return 0.0
     moved = np.empty(len(fit.inverse) + 2)
     lag(
@@ -209,7 +252,9 @@ def lag_covariance(
     )
     covariance = square * np.outer(moved, moved)
     # Which way the centre is off depends on how the radius changes.
-    apart = seen * float(moved[2]) ** 2
+    apart = seen * float(moved[2]) ** 2 + hidden
+    covariance[2, 2] += hidden
+    covariance[-2, -2] += hidden * (rate / fit.radius) ** 2
     covariance[0, 0] += apart
     covariance[1, 1] += apart
     covariance[-1, -1] += apart / fit.radius**2
