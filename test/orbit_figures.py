@@ -11,6 +11,7 @@ def tables(report):
         "noise": accuracy(report["accuracy"]),
         "turns": turns(report["entry_and_departure"]),
         "track": tracks(report["taken_for_orbits"]),
+        "change": convergence(report["convergence"]),
         "methods": methods(report["comparison"]),
     }
 
@@ -57,6 +58,22 @@ def tracks(rows):
         lines.append(
             f"| {name} | {100.0 * row['share']:.1f} % | {100.0 * study.most_taken(name):g} % |"
         )
+    return lines
+
+
+def convergence(rows):
+    lines = [
+        "| change | radius in its 95 % | circle in its 95 % | samples with an orbit | "
+        "0.3 to 0.6 turns after: circle | with an orbit | true is the circle settled upon alone |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    keys = "interval", "covered", "stated", "early", "early_stated", "settled"
+    for row in rows:
+        cells = [
+            "-" if row[key] is None or math.isnan(row[key]) else f"{100.0 * row[key]:.1f} %"
+            for key in keys
+        ]
+        lines.append(f"| {row['change']} | " + " | ".join(cells) + " |")
     return lines
 
 

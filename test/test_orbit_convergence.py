@@ -6,6 +6,7 @@ import pytest
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.guided_tracks import Autopilot, Loiter, Straight, guided
 from ctcbs_ros.orbit.settings import OrbitSettings
+from ctcbs_ros.orbit.study_convergence import flown_circles
 
 
 def flown(legs, seed, wind=(0.0, 0.0), airspeed=23.0, start=(-400.0, 0.0)):
@@ -81,6 +82,50 @@ def test_a_circle_hardly_known_is_no_orbit_and_the_reason_says_how_well_it_is_kn
     worst, reasons = worst_known(np.inf)
     assert worst > 0.1
     assert not any("is known to" in r for r in reasons)
+
+
+def test_a_window_across_two_circles_is_of_neither():
+    # A simulator's small errors: the two halves of such a window are within a metre of one circle.
+    inside = 0
+    for seed, (first, radius, sense) in enumerate(((195.0, 234.0, 1), (263.0, 315.0, -1))):
+        rng = np.random.default_rng([60, seed])
+        legs = [Loiter(130.0, (0.0, 0.0), first, sense), Loiter(260.0, (0.0, 0.0), radius, sense)]
+        start, course = (first, 0.0), sense * np.pi / 2.0
+        time, position, velocity = (
+            x[::10] for x in guided(Autopilot(28.0, 14.0, 0.7), legs, start, course)
+        )
+        estimator = OrbitEstimator()
+        turn = 2.0 * np.pi * radius / 28.0
+        for t, p, v in zip(time, position, velocity, strict=True):
+            seen = np.append(p, 100.0) + rng.normal(0.0, 0.07, 3)
+            orbit = estimator.add(t, seen, np.append(v, 0.0), 0.3, 0.04).orbit
+            if orbit is not None and 0.25 < (t - 130.0) / turn < 1.5:
+                error = orbit.radius - radius
+                assert abs(error) < 2.5 * np.sqrt(orbit.covariance[3, 3]) + 0.01 * radius
+                inside += 1
+    assert inside > 150
+
+
+def test_a_circle_flown_on_the_way_is_one_for_half_a_turn_and_a_quarter_after():
+    angle = np.linspace(0.0, 4.0 * np.pi, 400)
+    on = np.column_stack([30.0 + 80.0 * np.cos(angle), -80.0 * np.sin(angle)])
+    tangent = np.column_stack([-np.sin(angle), -np.cos(angle)])
+    away = on[-1] + np.outer(np.arange(1.0, 60.0), 2.5 * tangent[-1])
+    straight = np.tile(tangent[-1], (59, 1))
+    flown = flown_circles(np.vstack([on, away]), np.vstack([tangent, straight]))
+    assert not any(flown[:100])
+    for circles in flown[110:400]:
+        for circle in circles:
+            assert circle == pytest.approx([30.0, 0.0, 80.0], abs=0.05)
+    assert all(flown[110:400])
+    # Twice as wide for the next half turn: the quarter in which both are flown, then the new one.
+    wide = np.linspace(0.0, 2.0 * np.pi, 400)
+    wider = np.column_stack([-50.0 + 160.0 * np.cos(wide), -160.0 * np.sin(wide)])
+    along = np.column_stack([-np.sin(wide), -np.cos(wide)])
+    both = flown_circles(np.vstack([on, wider]), np.vstack([tangent, along]))
+    assert [round(c[2]) for c in both[440][:1]] == [80]
+    assert both[550] == []
+    assert {round(c[2]) for c in both[700]} == {160}
 
 
 def test_the_circle_given_while_another_radius_is_converged_onto_is_as_far_off_as_is_stated():

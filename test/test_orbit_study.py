@@ -10,7 +10,7 @@ from orbit_figures import readme, sentence, tables
 
 from ctcbs_ros.cli.main import main
 from ctcbs_ros.kernels.circle_angles import continuous_angles, mean_rate
-from ctcbs_ros.orbit import study, study_comparison
+from ctcbs_ros.orbit import study, study_bars, study_comparison, study_convergence
 from ctcbs_ros.orbit.alternatives import METHODS
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.noise import circle_covariance, fit_by_scatter
@@ -88,7 +88,9 @@ def test_stated_deviations_of_radius_and_rate_are_those_of_two_thousand_arcs():
         fit, *sigmas, _ = fit_by_scatter(samples, None, False)
         seen, operators = np.empty(len(time)), np.zeros((2, len(time)))
         continuous_angles(fit.points, *fit.center, time, 0.0, seen)
-        found, excess = mean_rate(time, seen, sigmas[0] / fit.radius, False, operators[0])
+        found, excess = mean_rate(
+            time, seen, sigmas[0] / fit.radius, False, operators[0], np.empty(2)
+        )
         covariance = circle_covariance(
             fit, samples, *sigmas, operators, abs(found), excess, settings
         )
@@ -136,15 +138,36 @@ def test_missed_bars_are_told():
     assert len(missed) == 8
 
 
+def test_a_bar_is_printed_with_whether_it_holds():
+    assert study_bars.Bar("radius", "%", 0.3, 0.0, 1.0).line().split() == [
+        "radius", "0.30", "%", "bar", "1", "holds",
+    ]  # fmt: skip
+    missed = study_bars.Bar("inside", "%", 97.6, 93.0, 97.0)
+    assert missed.line().endswith("bar 93 to 97   MISSED")
+    assert not study_bars.Bar("nothing", "%", float("nan"), 0.0, 1.0).holds
+
+
+def test_converging_flights_are_judged_by_their_bars():
+    found = {"to another radius": study_convergence.fly_convergence("to another radius", 4)}
+    assert study_convergence.missed_convergence_bars(found) == []
+    bad = study_convergence.Convergence(4, 0.5, 0.8, 0.7, 0.5, 0.1, 0.6)
+    assert len(study_convergence.missed_convergence_bars({"to another radius": bad})) == 2
+
+
 def test_the_command_prints_its_seeds_and_every_figure(capsys, monkeypatch):
     # The others take long, and have tests of their own.
     monkeypatch.setattr(study, "NOISES", dict(list(study.NOISES.items())[:2]))
     monkeypatch.setattr(study, "SHAPES", dict(list(study.SHAPES.items())[:2]))
+    monkeypatch.setattr(study_convergence, "CASES", study_convergence.CASES[:1])
     code = main(["orbit-study", "--runs", "20", "--json"])
     report = json.loads(capsys.readouterr().out)
     assert report["seeds"] == study.SEEDS
     assert [row["noise"] for row in report["accuracy"]] == list(study.NOISES)
     assert [row["track"] for row in report["taken_for_orbits"]] == list(study.SHAPES)
+    assert [row["change"] for row in report["convergence"]] == list(study_convergence.CASES)
+    lines = {bar["what"]: bar for bar in report["bars"]}
+    assert lines["white 1.5 m, 0.3 m/s: radius"]["most"] == 1.0
+    assert lines["departure to NOT_ORBITING, at most"]["most"] == 0.25
     assert {row["case"] for row in report["comparison"]} == set(study_comparison.CASES)
     assert code == (1 if report["missed_bars"] else 0)
 

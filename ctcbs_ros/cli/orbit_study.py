@@ -28,7 +28,7 @@ def run(args) -> int:
 
     from tqdm import tqdm
 
-    from ctcbs_ros.orbit import study, study_comparison
+    from ctcbs_ros.orbit import study, study_bars, study_comparison, study_convergence
     from ctcbs_ros.orbit.study_cases import seed_of
     from ctcbs_ros.worker_pool import worker_pool
 
@@ -40,6 +40,10 @@ def run(args) -> int:
             calls["accuracy", name, first] = (study.errors, noise, part, seed_of(name))
     for shape in study.SHAPES:
         calls["shape", shape, 0] = (study.taken_for_orbits, shape, _shape_flights(args.runs))
+    for case in study_convergence.CASES:
+        calls["convergence", case, 0] = (
+            study_convergence.fly_convergence, case, _convergence_flights(args.runs)
+        )  # fmt: skip
     for case in study_comparison.CASES:
         calls["comparison", case, 0] = (study_comparison.comparison, case, max(args.runs // 5, 20))
     calls["turns", "", 0] = (study.entry_and_departure, max(args.runs // 5, 20))
@@ -58,21 +62,27 @@ def run(args) -> int:
         parts = [results[key] for key in calls if key[:2] == ("accuracy", name)]
         accuracies[name] = study.summary(noise, [run for part in parts for run in part])
     shapes, turns, comparisons = of("shape"), results["turns", "", 0], of("comparison")
+    converging = of("convergence")
     missed = study.missed_bars(accuracies, turns, shapes)
+    missed += study_convergence.missed_convergence_bars(converging)
+    bars = study_bars.bars(accuracies, turns, shapes, converging)
     if args.json:
         print_json({
             "seeds": study.SEEDS,
             "accuracy": [{"noise": name, **asdict(value)} for name, value in accuracies.items()],
             "entry_and_departure": asdict(turns),
             "taken_for_orbits": [{"track": name, "share": v} for name, v in shapes.items()],
+            "convergence": [{"change": name, **asdict(v)} for name, v in converging.items()],
             "comparison": [
                 {"method": name, "case": case, **asdict(value)}
                 for case, found in comparisons.items() for name, value in found.items()
             ],
+            "bars": [asdict(bar) for bar in bars],
             "missed_bars": missed,
         })  # fmt: skip
     else:
-        print(_text(study, accuracies, turns, shapes, comparisons, missed))
+        lines = _text(study, accuracies, turns, shapes, converging, comparisons)
+        print("\n".join([*lines, "", *(bar.line() for bar in bars), "", *verdict(missed)]))
     return 1 if missed else 0
 
 
@@ -80,7 +90,11 @@ def _shape_flights(runs: int) -> int:
     return max(runs // 25, 5)
 
 
-def _text(study, accuracies, turns, shapes, comparisons, missed) -> str:
+def _convergence_flights(runs: int) -> int:
+    return max(runs // 33, 3)
+
+
+def _text(study, accuracies, turns, shapes, converging, comparisons) -> list[str]:
     runs = next(iter(accuracies.values())).runs
     lines = [
         f"Orbit after 0.75 turns unless said; {runs} flights, flight k of case j seeded with "
@@ -110,6 +124,19 @@ def _text(study, accuracies, turns, shapes, comparisons, missed) -> str:
         f"{_shape_flights(runs)} flights, seeded with ({study.SEEDS['taken_for_orbits']}, k)",
     ]
     lines += [f"{name:42}{100.0 * share:8.1f}" for name, share in shapes.items()]
+    lines += [
+        "",
+        f"An autopilot converges onto its circle, changes or leaves it: orbits within 1.8 turns, "
+        f"in %; {_convergence_flights(runs)} flights, flight k of case j seeded with "
+        f"({study.SEEDS['convergence']}, j, k)",
+        f"{'inside the stated 95 %':42}{'radius':>8}{'circle':>8}{'orbits':>8}"
+        f"{'0.3-0.6 turns':>15}{'orbits':>8}{'settled':>9}",
+    ]
+    lines += [
+        f"{name:42}{100.0 * c.interval:8.1f}{100.0 * c.covered:8.1f}{100.0 * c.stated:8.1f}"
+        f"{100.0 * c.early:15.1f}{100.0 * c.early_stated:8.1f}{100.0 * c.settled:9.1f}"
+        for name, c in converging.items()
+    ]
     for case, found in comparisons.items():
         lines += [
             "",
@@ -123,4 +150,4 @@ def _text(study, accuracies, turns, shapes, comparisons, missed) -> str:
             f"{c.lost:6d}"
             for name, c in found.items()
         ]
-    return "\n".join([*lines, "", *verdict(missed)])
+    return lines

@@ -9,7 +9,15 @@ import numpy as np
 
 from ctcbs_ros.orbit.coverage import in_region, missed_coverage
 from ctcbs_ros.orbit.estimator import OrbitEstimator
-from ctcbs_ros.orbit.study_cases import NOISES, SEEDS, SHAPES, STANDING, Noise, flight_of
+from ctcbs_ros.orbit.study_cases import (
+    NOISES,
+    SEEDS,
+    SHAPES,
+    SMALL,
+    STANDING,
+    Noise,
+    flight_of,
+)
 from ctcbs_ros.orbit.tracks import (
     TURN,
     arc,
@@ -172,6 +180,8 @@ def taken_for_orbits(shape: str, runs: int, seed: int = SEEDS["taken_for_orbits"
     for run in range(runs):
         rng = np.random.default_rng([seed, run])
         a, speed, _ = random_circle(rng)
+        if shape in SMALL:
+            a, speed = (rng.uniform(*bounds) for bounds in SMALL[shape])
         flight = fly(SHAPES[shape](a), speed, rng, course=rng.uniform(0.0, TURN))
         if shape in STANDING:
             flight.position[:, :2] = flight.true_position[0, :2]
@@ -186,7 +196,12 @@ def taken_for_orbits(shape: str, runs: int, seed: int = SEEDS["taken_for_orbits"
 
 # Half a turn and the samples until it is seen that no more follows; the first lobe of an eight is
 # three quarters of a turn, and no other is taken for an orbit.
-_MOST_TAKEN = {"figure of eight": 0.07, "half a turn": 0.07}
+# Over half a small turn noise hides a spiral of 20 % a turn.
+_MOST_TAKEN = {
+    "figure of eight": 0.07,
+    "half a turn": 0.07,
+    "spiral from 40 to 60 m, 20 % a turn": 0.08,
+}
 _MOST_TAKEN_ELSE = 0.05
 
 

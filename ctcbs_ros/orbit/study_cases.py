@@ -23,7 +23,10 @@ from ctcbs_ros.orbit.tracks import (
 
 # Flight k of each study is seeded with its number here and k; of the accuracy with each noise,
 # with the noise's number (`seed_of`) between: one draw must not decide several cases.
-SEEDS = {"accuracy": 1, "entry_and_departure": 2, "taken_for_orbits": 3, "comparison": 4}
+SEEDS = {
+    "accuracy": 1, "entry_and_departure": 2, "taken_for_orbits": 3, "comparison": 4,
+    "convergence": 7,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -131,7 +134,13 @@ NOISES = {
         1.5, 0.3, growth=0.04, turns=1.5, coverage=_ANY
     ),
     "drift 2 m/s in a wind of 7 m/s, 2 turns": Noise(
-        1.5, 0.3, wind=5.0, drift=2.0, turns=2.0, coverage=_WIDE, **_FINE
+        1.5, 0.3, wind=5.0, drift=2.0, turns=2.0, cost=5, coverage=_WIDE, **_FINE
+    ),
+    "drift 0.3 m/s in a wind of 8 m/s, 2 turns": Noise(
+        1.5, 0.3, wind=7.7, drift=0.3, turns=2.0, cost=5, coverage=_WIDE, **_FINE
+    ),
+    "drift 1 m/s in a wind of 8 m/s, 2 turns": Noise(
+        1.5, 0.3, wind=7.0, drift=1.0, turns=2.0, cost=5, coverage=_WIDE, **_FINE
     ),
 }
 
@@ -146,6 +155,13 @@ SHAPES = {
     "spiral, -20 % a turn": lambda r: spiral(r, -0.2, 3),
     "hover": lambda r: [straight(40.0 * r)],
     "parked": lambda r: [straight(40.0 * r)],
+    "spiral from 40 to 60 m, 20 % a turn": lambda r: spiral(r, 0.2, 4),
+    "spiral from 40 to 60 m, 30 % a turn": lambda r: spiral(r, 0.3, 4),
+    "spiral from 40 to 60 m, 45 % a turn": lambda r: spiral(r, 0.45, 3),
+}
+# Tracks begun on small circles: radius [m] and speed [m/s] from ... to.
+SMALL = {
+    shape: ((40.0, 60.0), (15.0, 25.0)) for shape in SHAPES if shape.startswith("spiral from")
 }
 # Noise of the velocity of what does not move [m/s]; its track is only for the time it takes.
 STANDING = {"hover": 0.5, "parked": 0.1}
