@@ -33,8 +33,7 @@ ROOT = Path(__file__).resolve().parents[1]
 def test_errors_are_within_the_bars_and_what_is_stated_of_them_holds(name):
     noise = study.NOISES[name]
     found = {name: study.accuracy(noise, 20 if noise.cost > 1 else 40)}
-    turns = study.Turns(0, [0.0] * 3, [0.0] * 3, 0.0, 0.0)
-    assert study.missed_bars(found, turns, {}) == []
+    assert study_bars.missed(study_bars.bars(found, None, {}, {})) == []
 
 
 def test_without_its_noise_model_a_correlated_error_would_be_understated():
@@ -50,7 +49,9 @@ def test_without_its_noise_model_a_correlated_error_would_be_understated():
 
 
 def test_an_orbit_is_found_within_half_a_turn_and_given_up_within_a_quarter():
-    assert study.missed_bars({}, study.entry_and_departure(20), {}) == []
+    bars = study_bars.bars({}, study.entry_and_departure(20), {}, {})
+    assert len(bars) == 3
+    assert study_bars.missed(bars) == []
 
 
 @pytest.mark.parametrize("noise", ["white 5 m, 1 m/s, 20 % lost, not stated"])
@@ -61,8 +62,7 @@ def test_noise_that_nobody_states_does_not_lose_the_orbit(noise):
 @pytest.mark.parametrize("shape", [s for s in study.SHAPES if "radii" not in s])
 def test_other_tracks_are_no_orbit_but_where_they_are_half_a_circle(shape):
     share = study.taken_for_orbits(shape, 10 if "20" in shape else 3)
-    turns = study.Turns(0, [0.0] * 3, [0.0] * 3, 0.0, 0.0)
-    assert study.missed_bars({}, turns, {shape: share}) == []
+    assert study_bars.missed(study_bars.bars({}, None, {shape: share}, {})) == []
 
 
 def test_stated_deviations_of_radius_and_rate_are_those_of_two_thousand_arcs():
@@ -134,8 +134,19 @@ def test_simulated_correlated_noise_has_its_deviation_and_correlation_time():
 def test_missed_bars_are_told():
     bad = study.Accuracy(1000, 100, 0.2, 0.0, 5.0, covered={"circle": 0.5})
     turns = study.Turns(10, [0.6] * 3, [0.4] * 3, 0.1, 0.1)
-    missed = study.missed_bars({"white 1.5 m, 0.3 m/s": bad}, turns, {"straight leg": 0.2})
+    found = study_bars.bars({"white 1.5 m, 0.3 m/s": bad}, turns, {"straight leg": 0.2}, {})
+    missed = study_bars.missed(found)
+    assert missed == [bar.line() for bar in found]
     assert len(missed) == 8
+
+
+def test_of_fewer_flights_the_bounds_of_coverage_are_wider():
+    for runs, least in ((1000, 93.0), (200, 88.9)):
+        few = study.Accuracy(runs, 0, 0.002, 0.0, 0.2, covered={"circle": 0.9})
+        bars = study_bars.bars({"white 1.5 m, 0.3 m/s": few}, None, {}, {})
+        (inside,) = [bar for bar in bars if "inside" in bar.what]
+        assert inside.least == pytest.approx(least, abs=0.05)
+        assert inside.holds == (runs == 200)
 
 
 def test_a_bar_is_printed_with_whether_it_holds():
@@ -143,15 +154,16 @@ def test_a_bar_is_printed_with_whether_it_holds():
         "radius", "0.30", "%", "bar", "1", "holds",
     ]  # fmt: skip
     missed = study_bars.Bar("inside", "%", 97.6, 93.0, 97.0)
-    assert missed.line().endswith("bar 93 to 97   MISSED")
+    assert missed.line().endswith("bar 93 to 97     MISSED")
     assert not study_bars.Bar("nothing", "%", float("nan"), 0.0, 1.0).holds
 
 
 def test_converging_flights_are_judged_by_their_bars():
     found = {"to another radius": study_convergence.fly_convergence("to another radius", 4)}
-    assert study_convergence.missed_convergence_bars(found) == []
+    assert study_bars.missed(study_bars.bars({}, None, {}, found)) == []
     bad = study_convergence.Convergence(4, 0.5, 0.8, 0.7, 0.5, 0.1, 0.6)
-    assert len(study_convergence.missed_convergence_bars({"to another radius": bad})) == 2
+    bars = study_bars.bars({}, None, {}, {"to another radius": bad})
+    assert len(study_bars.missed(bars)) == 2
 
 
 def test_the_command_prints_its_seeds_and_every_figure(capsys, monkeypatch):

@@ -63,9 +63,8 @@ def run(args) -> int:
         accuracies[name] = study.summary(noise, [run for part in parts for run in part])
     shapes, turns, comparisons = of("shape"), results["turns", "", 0], of("comparison")
     converging = of("convergence")
-    missed = study.missed_bars(accuracies, turns, shapes)
-    missed += study_convergence.missed_convergence_bars(converging)
     bars = study_bars.bars(accuracies, turns, shapes, converging)
+    missed = study_bars.missed(bars)
     if args.json:
         print_json({
             "seeds": study.SEEDS,

@@ -15,12 +15,18 @@ def in_region(error: np.ndarray, covariance: np.ndarray) -> bool:
     return bool(error @ np.linalg.solve(covariance, error) < chi2.ppf(LEVEL, len(error)))
 
 
-def missed_coverage(what: str, share: float, runs: int, bar: tuple[float, float]) -> list[str]:
-    """A sentence where a share inside the region misses its bar (least, most); none if it holds.
+def coverage_bounds(runs: int, bar: tuple[float, float]) -> tuple[float, float]:
+    """Least and most share inside the region of so many runs, for a bar meant for 1000.
 
-    Of fewer runs than 1000, three standard deviations of what that adds are allowed for.
+    Of fewer, three standard deviations of what that adds are allowed for.
     """
     extra = 3.0 * sqrt(LEVEL * (1.0 - LEVEL) * max(1.0 / runs - 1.0 / RUNS, 0.0))
-    if bar[0] - extra <= share <= bar[1] + extra:
+    return max(bar[0] - extra, 0.0), min(bar[1] + extra, 1.0)
+
+
+def missed_coverage(what: str, share: float, runs: int, bar: tuple[float, float]) -> list[str]:
+    """A sentence where a share inside the region misses its bar; none if it holds."""
+    least, most = coverage_bounds(runs, bar)
+    if least <= share <= most:
         return []
     return [f"{what} inside the 95 % region in {share:.1%}"]

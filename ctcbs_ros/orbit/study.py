@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ctcbs_ros.orbit.coverage import in_region, missed_coverage
+from ctcbs_ros.orbit.coverage import in_region
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.study_cases import (
-    NOISES,
     SEEDS,
     SHAPES,
     SMALL,
@@ -208,28 +207,3 @@ _MOST_TAKEN_ELSE = 0.05
 def most_taken(shape: str) -> float:
     """Bar of the share of the samples at which a track that is no orbit is taken for one."""
     return _MOST_TAKEN.get(shape, _MOST_TAKEN_ELSE)
-
-
-def missed_bars(accuracies: dict, turns: Turns, shapes: dict) -> list[str]:
-    """What of the figures is worse than it should be, a sentence for each."""
-    missed = []
-    for name, found in accuracies.items():
-        bar = NOISES[name]
-        if found.lost > max(bar.most_lost * found.runs, 1):
-            missed.append(f"{name}: no orbit in {found.lost} of {found.runs} runs")
-        if not found.radius <= bar.most_radius:
-            missed.append(f"{name}: radius error {found.radius:.2%}")
-        if found.center > bar.most_center:
-            missed.append(f"{name}: centre error {found.center:.2f} m")
-        for what, share in found.covered.items():
-            missed += missed_coverage(f"{name}: {what}", share, found.runs, bar.coverage)
-    if not turns.first[1] <= 0.5:
-        missed.append(f"first orbit after {turns.first[1]:.2f} turns")
-    if not turns.left[2] <= 0.25:
-        missed.append(f"an orbit {turns.left[2]:.2f} turns after departure")
-    if turns.early:
-        missed.append(f"an orbit on the straight leg before in {turns.early:.1%} of the runs")
-    for name, share in shapes.items():
-        if share > most_taken(name):
-            missed.append(f"{name}: taken for an orbit at {share:.1%} of the samples")
-    return missed

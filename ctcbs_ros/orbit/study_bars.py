@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 from math import isfinite
 
-from ctcbs_ros.orbit.study import most_taken
+from ctcbs_ros.orbit.coverage import coverage_bounds
+from ctcbs_ros.orbit.study import Accuracy, Turns, most_taken
 from ctcbs_ros.orbit.study_cases import NOISES
-from ctcbs_ros.orbit.study_convergence import LEAST_COVERED
+from ctcbs_ros.orbit.study_convergence import LEAST_COVERED, LEAST_INTERVAL, Convergence
 
 
 @dataclass(frozen=True)
@@ -32,35 +33,62 @@ class Bar:
 
     def line(self) -> str:
         """As it is printed."""
-        bounds = f"{self.least:g} to {self.most:g}" if self.least > 0.0 else f"{self.most:g}"
+        bounds = f"{self.least:.3g} to {self.most:.3g}" if self.least > 0.0 else f"{self.most:g}"
         verdict = "holds" if self.holds else "MISSED"
-        return f"{self.what:62}{self.found:8.2f} {self.unit:6} bar {bounds:10} {verdict}"
+        return f"{self.what:62}{self.found:8.2f} {self.unit:6} bar {bounds:12} {verdict}"
 
 
-def bars(accuracies: dict, turns, shapes: dict, converging: dict) -> list[Bar]:
-    """Of the figures of `study`, by their names; the bounds of a thousand runs."""
+def bars(
+    accuracies: dict[str, Accuracy], turns: Turns | None, shapes: dict[str, float],
+    converging: dict[str, Convergence],
+) -> list[Bar]:
+    """Of the figures of `study` and `study_convergence`, by their names.
+
+    The bounds of coverage are wider where fewer than a thousand flights were flown.
+    """  # fmt: skip
     found = []
     for name, accuracy in accuracies.items():
-        bar = NOISES[name]
-        most = 100.0 * bar.most_radius
-        found.append(Bar(f"{name}: radius", "%", 100.0 * accuracy.radius, 0.0, most))
-        if isfinite(bar.most_center):
-            found.append(Bar(f"{name}: centre", "m", accuracy.center, 0.0, bar.most_center))
-        least, most = (100.0 * share for share in bar.coverage)
+        found += _of_accuracy(name, accuracy)
+    if turns is not None:
         found += [
-            Bar(f"{name}: {what} inside 95 %", "%", 100.0 * share, least, most)
-            for what, share in accuracy.covered.items()
+            Bar("entry to first orbit, 95 % of the flights", "turns", turns.first[1], 0.0, 0.5),
+            Bar("departure to NOT_ORBITING, at most", "turns", turns.left[2], 0.0, 0.25),
+            Bar("flights with an orbit on the straight leg", "%", 100.0 * turns.early, 0.0, 0.0),
         ]
-    found += [
-        Bar("entry to first orbit, 95 % of the flights", "turns", turns.first[1], 0.0, 0.5),
-        Bar("departure to NOT_ORBITING, at most", "turns", turns.left[2], 0.0, 0.25),
-    ]
     found += [
         Bar(f"{shape}: taken for an orbit", "%", 100.0 * share, 0.0, 100.0 * most_taken(shape))
         for shape, share in shapes.items()
     ]
-    found += [
-        Bar(f"{case}: circle inside 95 %", "%", 100.0 * c.covered, 100.0 * LEAST_COVERED, 100.0)
-        for case, c in converging.items()
-    ]
+    for case, c in converging.items():
+        found += [
+            Bar(f"{case}: {what}", "%", 100.0 * share, 100.0 * least, 100.0)
+            for what, share, least in (
+                ("radius inside 95 %", c.interval, LEAST_INTERVAL),
+                ("circle inside 95 %", c.covered, LEAST_COVERED),
+            )
+        ]
     return found
+
+
+def _of_accuracy(name: str, accuracy: Accuracy) -> list[Bar]:
+    noise = NOISES[name]
+    least, most = coverage_bounds(accuracy.runs, noise.coverage)
+    lost = max(noise.most_lost * accuracy.runs, 1)
+    return [
+        Bar(f"{name}: radius", "%", 100.0 * accuracy.radius, 0.0, 100.0 * noise.most_radius),
+        *(
+            [Bar(f"{name}: centre", "m", accuracy.center, 0.0, noise.most_center)]
+            if isfinite(noise.most_center)
+            else []
+        ),
+        *(
+            Bar(f"{name}: {what} inside 95 %", "%", 100.0 * share, 100.0 * least, 100.0 * most)
+            for what, share in accuracy.covered.items()
+        ),
+        Bar(f"{name}: without an orbit", "", accuracy.lost, 0.0, lost),
+    ]
+
+
+def missed(found: list[Bar]) -> list[str]:
+    """The bars that do not hold, as they are printed."""
+    return [bar.line() for bar in found if not bar.holds]

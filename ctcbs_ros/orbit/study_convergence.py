@@ -208,14 +208,3 @@ def convergence(rows: list, runs: int) -> Convergence:
 def fly_convergence(case: str, runs: int, seed: int = SEEDS["convergence"]) -> Convergence:
     """Fly `runs` flights of a case."""
     return convergence(converging_orbits(case, range(runs), seed), runs)
-
-
-def missed_convergence_bars(found: dict[str, Convergence]) -> list[str]:
-    """What is worse than it should be, a sentence for each."""
-    missed = []
-    for case, c in found.items():
-        if not c.interval >= LEAST_INTERVAL:
-            missed.append(f"{case}: radius inside its 95 % interval in {c.interval:.1%}")
-        if not c.covered >= LEAST_COVERED:
-            missed.append(f"{case}: circle inside its 95 % region in {c.covered:.1%}")
-    return missed
