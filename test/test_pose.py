@@ -255,7 +255,7 @@ def test_without_the_chance_of_a_jump_a_pose_near_a_fold_would_be_understated(mo
     case = study.CASES["fold 0.3 % away"]
     whole = pose.pose_covariance
 
-    def first_order(orbit, point, state, distance, landed, known):
+    def first_order(orbit, point, state, *_):
         return whole(orbit, point, state)
 
     monkeypatch.setattr(pose, "pose_covariance", first_order)

@@ -273,6 +273,12 @@ def _judged(motion: PeriodicMotion, converged: float) -> Found:
     return Found(motion, "")
 
 
+def still_air_motion(state: SteadyState, error: float) -> np.ndarray | None:
+    """The steady state at three times of a turn, (3, 3, n), known to an error [a]; or None."""
+    with one_blas_thread():
+        return drained(_in_still_air(state, error, None))[0]
+
+
 def _in_still_air(state: SteadyState, error: float, storage: Storage | None):
     """The steady state at three times, (3, 3, n), in as many functions as give it so well."""
     p, path = state.parameters, TowPath(GROUND_SPEED, 0.0)

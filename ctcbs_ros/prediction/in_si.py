@@ -34,6 +34,7 @@ def end_mass_in_si(
     ground_up: float,
     in_wind: MotionInWind | None = None,
     unmodelled_because: str = "",
+    by_wind: np.ndarray | None = None,
 ) -> EndMass:
     """Everything that is known of the end mass on a tracked branch.
 
@@ -55,6 +56,8 @@ def end_mass_in_si(
         Up coordinate of the ground [m]; nan if unknown.
     in_wind : MotionInWind, optional
         Where the wind is known; then `position` is that of this motion.
+    by_wind : (4, 4) ndarray, optional
+        See `pose.pose_covariance`.
 
     Raises
     ------
@@ -81,7 +84,9 @@ def end_mass_in_si(
         branch=tracked.branch,
         position=position,
         yaw=yaw,
-        covariance=pose.pose_covariance(orbit, point, tracked.state, distance, landed, known),
+        covariance=pose.pose_covariance(
+            orbit, point, tracked.state, distance, landed, known, by_wind
+        ),
         fold_distance=distance,
         geodetic=geodetic,
         height_above_home=float(position[2] - ground_up),

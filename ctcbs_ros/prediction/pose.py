@@ -104,6 +104,7 @@ def pose_covariance(
     distance: float = inf,
     landed: SteadyState | None = None,
     known: np.ndarray | None = None,
+    by_wind: np.ndarray | None = None,
 ) -> np.ndarray:
     """Covariance of (east, north, up, roll, pitch, yaw), (6, 6), from the orbit's covariance.
 
@@ -122,10 +123,15 @@ def pose_covariance(
     known : (4, 4) ndarray, optional
         Of east, north, up and yaw without that chance; by default what still air leaves of the
         orbit's.
+    by_wind : (4, 4) ndarray, optional
+        What a wind adds in which still air's is the position, see
+        `ctcbs_ros.prediction.wind_unknown`.
     """
     covariance = _UNKNOWN.copy()
     with np.errstate(all="ignore"):
         known = _in_still_air(orbit, state) if known is None else known.copy()
+        if by_wind is not None:
+            known += by_wind
         if known[3, 3] > pi**2:
             # An end mass that hardly moves over the ground: any direction, at a place known.
             known[3, :] = known[:, 3] = 0.0

@@ -44,6 +44,13 @@ from ctcbs_ros.prediction.warnings import (
 from ctcbs_ros.prediction.wind_choice import WindChoice, user_wind
 from ctcbs_ros.prediction.wind_follower import WindFollower
 from ctcbs_ros.prediction.wind_reasons import STILL_SOLVED
+from ctcbs_ros.prediction.wind_unknown import (
+    Responses,
+    mean_square,
+    past_the_circle,
+    spread,
+    wind_share,
+)
 from ctcbs_ros.scaling import FlightPoint, flight_point
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import SteadyState, steady_states
@@ -62,8 +69,6 @@ _LONGEST_GAP = 30.0
 _POOREST_ACCURACY = 1e3
 # How much longer motions in wind take to settle than in still air, beyond what was seen (3.4).
 _LONGER_IN_WIND = 4.0
-# Of the orbit, see `orbit.ESTIMATED`.
-_DRIFT = slice(7, 9)
 # East, north, up and yaw of a pose.
 _POSE = np.ix_([0, 1, 2, 5], [0, 1, 2, 5])
 
@@ -98,6 +103,7 @@ class Predictor:
         self._wind = WindChoice(user_wind(configuration.wind))
         self._history = History()
         self._follower = WindFollower(in_time=with_twin)
+        self._responses = Responses()
         self._at_airspeed = False
         self._orbiting = False
         self._flight: int | None = None
@@ -302,12 +308,16 @@ class Predictor:
             in_wind = self._in_wind(
                 wind, orbit, density, tracked.state, outlook.stability.functions
             )
+            by_wind = None
             if in_wind is None:
-                warnings += wind_warnings(wind, orbit, self._follower.reason)
+                by_wind = wind_share(
+                    self._responses.update(tracked.state), orbit, mean_square(wind, orbit)
+                )
+                warnings += wind_warnings(wind, orbit, self._follower.reason, spread(by_wind))
             windy = in_wind is None and is_windy(wind, orbit)
             because = (self._follower.reason or STILL_SOLVED) if windy else ""
             end_mass = self._described(
-                orbit, time_on_orbit, local, point, tracked, outlook, in_wind, because
+                orbit, time_on_orbit, local, point, tracked, outlook, in_wind, because, by_wind
             )
         except ArithmeticError as error:
             warnings.append(no_solution(str(error)))
@@ -319,6 +329,7 @@ class Predictor:
     def _described(
         self, orbit: Orbit, time_on_orbit: float, local: LocalSample, point: FlightPoint,
         tracked: Tracked, outlook: Outlook, in_wind: MotionInWind | None, unmodelled_because: str,
+        by_wind: np.ndarray | None,
     ) -> EndMass | None:
         if in_wind is None:
             position = end_mass_position(orbit, point, tracked.state)
@@ -332,7 +343,7 @@ class Predictor:
         geodetic = self._geodetic(position)
         return end_mass_in_si(
             orbit, time_on_orbit, point, tracked, outlook, position, geodetic, ground_up,
-            in_wind, unmodelled_because,
+            in_wind, unmodelled_because, by_wind,
         )
 
     def _in_wind(
@@ -342,12 +353,7 @@ class Predictor:
         if wind is None:
             self._follower.reset()
             return None
-        past = wind.velocity - orbit.drift
-        covariance, of_drift = wind.covariance, orbit.covariance[_DRIFT, _DRIFT]
-        if not np.isfinite(of_drift).all():
-            # Not seen yet: anything from a circle that stands still to one that the wind takes.
-            of_drift = np.outer(wind.velocity, wind.velocity) / 3.0
-        covariance = covariance + of_drift
+        past, covariance = past_the_circle(wind, orbit)
         self._at_airspeed = self._wind_of_turn.holds_airspeed(wind.velocity, self._at_airspeed)
         kind = AIRSPEED if self._at_airspeed else GROUND_SPEED
         return self._follower.update(

@@ -41,7 +41,8 @@ class Tally:
             self.skipped[prediction.skip.value] += 1
         self.warnings.update({warning.code.value for warning in prediction.warnings})
         self.wind_seen += any(
-            warning.code is WarningCode.WIND_UNMODELLED and warning.text != WIND_NOT_KNOWN
+            warning.code is WarningCode.WIND_UNMODELLED
+            and not warning.text.startswith(WIND_NOT_KNOWN)
             for warning in prediction.warnings
         )
 

@@ -9,10 +9,16 @@ from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump, Margin, MarginOf
 from ctcbs_ros.prediction.wind_choice import described
+from ctcbs_ros.prediction.wind_unknown import CLIMATE
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
 GROUND_NOT_JUDGED = "nor are its stability and its height above the ground judged"
-WIND_NOT_KNOWN = "wind is not known; the position holds in still air only"
+WIND_NOT_KNOWN = (
+    "wind is not known; the position is that of still air, its covariance has winds of "
+    f"{CLIMATE:g} m/s along each axis"
+)
+# Share of the tow radius that such winds leave of a position's use, one standard deviation.
+_OF_LITTLE_USE = 0.5
 MARGIN_NOT_KNOWN = (
     "whether the motion in this wind is stable is not known, nor how soon it settles; "
     "fly a wider circle or wait for less wind"
@@ -101,15 +107,21 @@ def is_told_from_none(wind: Wind, orbit: Orbit) -> bool:
     return hypot(*(wind.velocity - orbit.drift)) > max(wind.sigma, _WINDY * orbit.speed)
 
 
-def wind_warnings(wind: Wind | None, orbit: Orbit, reason: str = "") -> list[Warning]:
+def wind_warnings(
+    wind: Wind | None, orbit: Orbit, reason: str = "", spread: float = 0.0
+) -> list[Warning]:
     """WIND_UNMODELLED where the air moves past the circle, or nobody knows whether it does.
 
-    For predictions in still air, with the reason why they are, if there is one.
+    For predictions in still air, with the reason why they are, if there is one, and by how much a
+    wind that nobody knows spreads the end mass [m].
 
     A circle that drifts with the air is one in still air to the aircraft and what it tows.
     """
     if wind is None:
-        return [_warn(WarningCode.WIND_UNMODELLED, WIND_NOT_KNOWN)]
+        text = WIND_NOT_KNOWN
+        if spread > _OF_LITTLE_USE * orbit.radius:
+            text += ", more than half the tow radius: of little use until the wind is known"
+        return [_warn(WarningCode.WIND_UNMODELLED, text)]
     if is_windy(wind, orbit):
         past = hypot(*(wind.velocity - orbit.drift))
         by = f"by {_SOURCES[wind.source]}" + (f": {wind.note}" if wind.note else "")

@@ -1,0 +1,118 @@
+"""What a wind that nobody knows does to the pose: the stated share against the cable in time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_wind_decay import DRONE, flight_of, scaled
+from test_wind_motion import orbit_of
+
+from ctcbs_ros.pieces import drained
+from ctcbs_ros.prediction.codes import WarningCode
+from ctcbs_ros.prediction.predictor import Predictor
+from ctcbs_ros.prediction.wind_in_time import motion_in_time_search
+from ctcbs_ros.prediction.wind_motion import motion_in_wind
+from ctcbs_ros.prediction.wind_unknown import (
+    CLIMATE,
+    Response,
+    Responses,
+    mean_square,
+    response,
+    spread,
+    wind_share,
+)
+from ctcbs_ros.simulated_flight import simulate_flight
+from ctcbs_ros.telemetry.sample import Sample
+
+ROUND = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+
+
+def still_place(orbit, state):
+    """East, north, up of the end mass in still air."""
+    angle = orbit.phase - orbit.sense * state.phase_lag
+    place = [*(state.end_mass_radius * np.array([np.cos(angle), np.sin(angle)])), -state.depth]
+    return orbit.center + orbit.radius * np.array(place)
+
+
+def in_time(radius, speed, wind, sense):
+    """The steady state, and where the end mass is in a wind towards east, by phase: flown."""
+    state, flight = flight_of(radius, speed, wind)
+    solved = drained(motion_in_time_search(flight, scaled, state, None))
+    orbits = [orbit_of(radius, speed / radius, sense, phase) for phase in ROUND]
+    moved = [
+        motion_in_wind(solved, orbit, flight, (wind, 0.0), np.eye(2)).position for orbit in orbits
+    ]
+    return state, orbits, np.array(moved)
+
+
+@pytest.mark.parametrize(
+    ("radius", "speed", "wind", "sense"),
+    [(60.0, 16.0, 3.0, 1), (60.0, 16.0, 8.0, -1), (50.0, 25.0, 8.0, 1), (110.0, 27.0, 8.0, 1)],
+)
+def test_in_winds_up_to_8_m_s_the_end_mass_is_within_the_stated_95_per_cent_of_still_air(
+    radius, speed, wind, sense
+):
+    state, orbits, places = in_time(radius, speed, wind, sense)
+    known = response(state)
+    off, stated, far = [], [], []
+    for orbit, place in zip(orbits, places, strict=True):
+        share = wind_share(known, orbit, mean_square(None, orbit))
+        away = place - still_place(orbit, state)
+        off.append(away @ np.linalg.solve(share[:3, :3], away))
+        stated.append(spread(share) / CLIMATE)
+        far.append(np.linalg.norm(away) / wind)
+    assert np.max(off) < 7.81
+    # and not by stating anything
+    assert np.max(stated) < 2.0 * np.max(far)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_in_a_light_wind_the_end_mass_is_moved_as_the_share_has_it(sense):
+    wind = 0.8
+    state, orbits, places = in_time(80.0, 20.0, wind, sense)
+    known = response(state)
+    only = replace(known, moved=known.moved[:1])  # at constant ground speed
+    for orbit, place in zip(orbits, places, strict=True):
+        share = wind_share(only, orbit, np.diag([wind**2, 0.0]))[:3, :3]
+        sizes, ways = np.linalg.eigh(share)
+        # What is in proportion is one displacement, a fifth is put on it, and the rest is the same
+        # in every direction.
+        moved = np.sqrt(sizes[2] - sizes[0]) / 1.2 * ways[:, 2]
+        away = place - still_place(orbit, state)
+        assert moved * np.sign(moved @ away) == pytest.approx(away, abs=0.3)
+        assert np.linalg.norm(away) > 4.0
+
+
+def test_without_a_motion_the_share_is_twelve_tow_radii_for_a_wind_as_fast_as_the_aircraft():
+    state, _ = flight_of(60.0, 16.0, 1.0)
+    orbit = orbit_of(60.0, 16.0 / 60.0)
+    share = wind_share(Response(state, None, ()), orbit, mean_square(None, orbit))
+    assert spread(share) > 12.0 * 60.0 * CLIMATE / 16.0
+    assert spread(share) > spread(wind_share(response(state), orbit, mean_square(None, orbit)))
+
+
+def test_the_response_is_solved_anew_only_where_the_flight_has_moved():
+    responses = Responses()
+    first = responses.update(flight_of(60.0, 16.0, 1.0)[0])
+    assert responses.update(flight_of(60.5, 16.0, 1.0)[0]) is first
+    assert responses.update(flight_of(64.0, 16.0, 1.0)[0]) is not first
+
+
+def test_until_the_wind_is_known_the_pose_says_how_far_it_may_be_off():
+    path = simulate_flight(60.0, 16.0, 2)
+    predictor, told = Predictor(DRONE), []
+    for t, x in zip(path.time, path.position, strict=True):
+        sample = Sample(float(t), round(1e9 * t), 0, local_position=tuple(map(float, x)))
+        prediction = predictor.update(sample)
+        if prediction.end_mass is not None:
+            told.append(prediction)
+    assert told
+    for prediction in told:
+        assert prediction.wind is None
+        assert prediction.pose_holds
+        sigmas = np.sqrt(np.diag(prediction.end_mass.covariance)[:3])
+        assert (sigmas > 20.0).all()
+        (text,) = [
+            w.text for w in prediction.warnings if w.code is WarningCode.WIND_UNMODELLED
+        ]
+        assert "of little use until the wind is known" in text
