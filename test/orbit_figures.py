@@ -2,7 +2,8 @@
 
 import math
 
-from ctcbs_ros.orbit import study
+from ctcbs_ros.orbit import study_cases
+from ctcbs_ros.orbit.study import most_taken
 
 
 def tables(report):
@@ -22,7 +23,7 @@ def accuracy(rows):
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
-        noise, covered = study.NOISES[row["noise"]], row["covered"]
+        noise, covered = study_cases.NOISES[row["noise"]], row["covered"]
         center = row["center"]
         known = center is not None and math.isfinite(center)
         inside = [
@@ -56,7 +57,7 @@ def tracks(rows):
     for row in rows:
         name = row["track"]
         lines.append(
-            f"| {name} | {100.0 * row['share']:.1f} % | {100.0 * study.most_taken(name):g} % |"
+            f"| {name} | {100.0 * row['share']:.1f} % | {100.0 * most_taken(name):g} % |"
         )
     return lines
 

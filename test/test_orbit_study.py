@@ -10,7 +10,13 @@ from orbit_figures import readme, sentence, tables
 
 from ctcbs_ros.cli.main import main
 from ctcbs_ros.kernels.circle_angles import continuous_angles, mean_rate
-from ctcbs_ros.orbit import study, study_bars, study_comparison, study_convergence
+from ctcbs_ros.orbit import (
+    study,
+    study_bars,
+    study_cases,
+    study_comparison,
+    study_convergence,
+)
 from ctcbs_ros.orbit.alternatives import METHODS
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.noise import circle_covariance, fit_by_scatter
@@ -29,9 +35,9 @@ from ctcbs_ros.orbit.window import SampleWindow
 ROOT = Path(__file__).resolve().parents[1]
 
 
-@pytest.mark.parametrize("name", study.NOISES)
+@pytest.mark.parametrize("name", study_cases.NOISES)
 def test_errors_are_within_the_bars_and_what_is_stated_of_them_holds(name):
-    noise = study.NOISES[name]
+    noise = study_cases.NOISES[name]
     found = {name: study.accuracy(noise, 20 if noise.cost > 1 else 40)}
     assert study_bars.missed(study_bars.bars(found, None, {}, {})) == []
 
@@ -56,7 +62,7 @@ def test_an_orbit_is_found_within_half_a_turn_and_given_up_within_a_quarter():
 
 @pytest.mark.parametrize("noise", ["white 5 m, 1 m/s, 20 % lost, not stated"])
 def test_noise_that_nobody_states_does_not_lose_the_orbit(noise):
-    assert study.entry_and_departure(16, study.NOISES[noise]).lost < 0.03
+    assert study.entry_and_departure(16, study_cases.NOISES[noise]).lost < 0.03
 
 
 @pytest.mark.parametrize("shape", [s for s in study.SHAPES if "radii" not in s])
@@ -168,13 +174,13 @@ def test_converging_flights_are_judged_by_their_bars():
 
 def test_the_command_prints_its_seeds_and_every_figure(capsys, monkeypatch):
     # The others take long, and have tests of their own.
-    monkeypatch.setattr(study, "NOISES", dict(list(study.NOISES.items())[:2]))
+    monkeypatch.setattr(study_cases, "NOISES", dict(list(study_cases.NOISES.items())[:2]))
     monkeypatch.setattr(study, "SHAPES", dict(list(study.SHAPES.items())[:2]))
     monkeypatch.setattr(study_convergence, "CASES", study_convergence.CASES[:1])
     code = main(["orbit-study", "--runs", "20", "--json"])
     report = json.loads(capsys.readouterr().out)
     assert report["seeds"] == study.SEEDS
-    assert [row["noise"] for row in report["accuracy"]] == list(study.NOISES)
+    assert [row["noise"] for row in report["accuracy"]] == list(study_cases.NOISES)
     assert [row["track"] for row in report["taken_for_orbits"]] == list(study.SHAPES)
     assert [row["change"] for row in report["convergence"]] == list(study_convergence.CASES)
     lines = {bar["what"]: bar for bar in report["bars"]}
@@ -191,7 +197,7 @@ def words(name):
 
 def test_the_tables_of_the_orbit_page_have_every_case_of_the_study_and_the_readme_their_figures():
     page = (ROOT / "docs" / "orbit.md").read_text(encoding="utf-8")
-    for name, noise in study.NOISES.items():
+    for name, noise in study_cases.NOISES.items():
         assert f"| {name} | {1000 // noise.cost} |" in page
     for name in (*study.SHAPES, *METHODS, "this estimator"):
         assert f"\n| {name} | " in page

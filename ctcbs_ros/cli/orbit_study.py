@@ -28,12 +28,18 @@ def run(args) -> int:
 
     from tqdm import tqdm
 
-    from ctcbs_ros.orbit import study, study_bars, study_comparison, study_convergence
+    from ctcbs_ros.orbit import (
+        study,
+        study_bars,
+        study_cases,
+        study_comparison,
+        study_convergence,
+    )
     from ctcbs_ros.orbit.study_cases import seed_of
     from ctcbs_ros.worker_pool import worker_pool
 
     calls = {}
-    for name, noise in study.NOISES.items():
+    for name, noise in study_cases.NOISES.items():
         flights = range(max(args.runs // noise.cost, 20))
         for first in flights[::_CHUNK]:
             part = flights[first : first + _CHUNK]
@@ -58,7 +64,7 @@ def run(args) -> int:
         return {name: results[kind, name, 0] for k, name, first in calls if k == kind}
 
     accuracies = {}
-    for name, noise in study.NOISES.items():
+    for name, noise in study_cases.NOISES.items():
         parts = [results[key] for key in calls if key[:2] == ("accuracy", name)]
         accuracies[name] = study.summary(noise, [run for part in parts for run in part])
     shapes, turns, comparisons = of("shape"), results["turns", "", 0], of("comparison")

@@ -191,9 +191,12 @@ def misfit(
     expected = expected_square(
         samples.age, samples.correlated_sigma, settings.correlation_time, white
     )
-    # Where the white errors are not stated, their own scale is uncertain as well.
-    chance = (1.0 if samples.stated else 2.0) * _EXCESS / sqrt(len(samples))
-    excess = max(square - expected - chance, 0.0)
+    # Of positions and velocities but for what the fit took: of few it has far longer tails than a
+    # normal error (Wilson and Hilferty 1931). Where the white errors are not stated, their own
+    # scale is uncertain as well.
+    of_one = 2.0 / (9.0 * max(2 * len(samples) - 6, 2))
+    chance = (1.0 - of_one + _EXCESS * sqrt(of_one)) ** 3 - 1.0
+    excess = max(square - expected - (1.0 if samples.stated else 2.0) * chance, 0.0)
     return excess, excess * white
 
 
