@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ctcbs_ros.cli.main import main
+from ctcbs_ros.prediction import twin_study as study
 from ctcbs_ros.simulated_flight import simulate_flight
-from ctcbs_ros.twin import study
 
 
 def drawn(share, runs=400, samples=5):

@@ -18,7 +18,7 @@ def add_parser(subparsers) -> None:
         "flight with its own seed, and compares what the estimator says with the truth. Ends with "
         "1 if a bar is missed. The bars of coverage are meant for 1000 runs.",
     )
-    add_study_options(parser, "flights for each kind of noise; default 1000, about 20 minutes")
+    add_study_options(parser, "flights for each kind of noise; default 1000, about 6 minutes")
     parser.set_defaults(run=run)
 
 

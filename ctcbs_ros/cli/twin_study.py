@@ -23,7 +23,7 @@ def run(args) -> int:
     """Fly, compare, print."""
     from tqdm import tqdm
 
-    from ctcbs_ros.twin import study
+    from ctcbs_ros.prediction import twin_study as study
 
     flown = {case: [] for case in study.CASES}
     jobs = [(case, number) for case in study.CASES for number in range(args.runs)]
