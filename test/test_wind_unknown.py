@@ -71,7 +71,7 @@ def test_in_a_light_wind_the_end_mass_is_moved_as_the_share_has_it(sense):
     wind = 0.8
     state, orbits, places = in_time(80.0, 20.0, wind, sense)
     known = response(state)
-    only = replace(known, moved=known.moved[:1])  # at constant ground speed
+    only = replace(known, displaced=known.displaced[:1])  # at constant ground speed
     for orbit, place in zip(orbits, places, strict=True):
         share = wind_share(only, orbit, np.diag([wind**2, 0.0]))[:3, :3]
         sizes, ways = np.linalg.eigh(share)
@@ -86,7 +86,7 @@ def test_in_a_light_wind_the_end_mass_is_moved_as_the_share_has_it(sense):
 def test_without_a_motion_the_share_is_twelve_tow_radii_for_a_wind_as_fast_as_the_aircraft():
     state, _ = flight_of(60.0, 16.0, 1.0)
     orbit = orbit_of(60.0, 16.0 / 60.0)
-    share = wind_share(Response(state, None, ()), orbit, mean_square(None, orbit))
+    share = wind_share(Response(state, None, np.inf), orbit, mean_square(None, orbit))
     assert spread(share) > 12.0 * 60.0 * CLIMATE / 16.0
     assert spread(share) > spread(wind_share(response(state), orbit, mean_square(None, orbit)))
 
@@ -96,6 +96,15 @@ def test_the_response_is_solved_anew_only_where_the_flight_has_moved():
     first = responses.update(flight_of(60.0, 16.0, 1.0)[0])
     assert responses.update(flight_of(60.5, 16.0, 1.0)[0]) is first
     assert responses.update(flight_of(64.0, 16.0, 1.0)[0]) is not first
+
+
+def test_an_end_mass_without_drag_has_a_response_that_is_kept_as_well():
+    state = flight_of(60.0, 16.0, 1.0)[0]
+    bare = replace(state, parameters=replace(state.parameters, drag_ratio=0.0))
+    responses = Responses()
+    first = responses.update(bare)
+    assert responses.update(bare) is first
+    assert responses.update(state) is not first
 
 
 def test_until_the_wind_is_known_the_pose_says_how_far_it_may_be_off():

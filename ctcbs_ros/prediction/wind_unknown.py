@@ -6,7 +6,7 @@ only its climate is known.
 """
 
 from dataclasses import dataclass, replace
-from math import log
+from math import floor, inf, log
 
 import numpy as np
 
@@ -29,6 +29,8 @@ CLIMATE = 4.0
 # The little wind, over the tow speed, and the times of a turn that its motion is solved at: orders
 # 0 and 2 in the plane and 1 in height are all that moves in proportion, but at constant airspeed.
 _LITTLE, _TIMES = 0.02, 7
+# Angles of a turn that the displacement is kept at, straight between them: to 0.3 %.
+_ANGLES = 96
 # Error in still air that the number of elements is for [a].
 _ERROR = 1e-3
 # The drift in an orbit's covariance, see `orbit.ESTIMATED`.
@@ -50,16 +52,18 @@ class Response:
     Attributes
     ----------
     state : SteadyState
-    still : PeriodicMotion
-        In still air.
-    moved : tuple of PeriodicMotion
-        In the little wind, as ground speed or airspeed is constant round the circle; empty where
-        there is none.
+    displaced : (2, n + 1, 3) ndarray or None
+        By which it moves the end mass, downwind, to the left of that and up, over the tow radius
+        and the wind over the tow speed: as ground speed or airspeed is constant round an
+        anticlockwise circle, with the tow point at evenly spaced angles from downwind, both ends
+        included. None where no motion is found.
+    turned : float
+        Change of the end mass's velocity over that, per wind: root mean square over a turn.
     """
 
     state: SteadyState
-    still: PeriodicMotion | None
-    moved: tuple[PeriodicMotion, ...]
+    displaced: np.ndarray | None
+    turned: float
 
 
 def response(state: SteadyState) -> Response:
@@ -68,18 +72,20 @@ def response(state: SteadyState) -> Response:
     try:
         values = still_air_motion(state, _ERROR)
         if values is None:
-            return Response(state, None, ())
+            return Response(state, None, inf)
         p, values, motions = state.parameters, resampled(values, _TIMES), []
         paths = [TowPath(GROUND_SPEED, 0.0)]
         paths += [TowPath(kind, _LITTLE) for kind in (GROUND_SPEED, AIRSPEED)]
         for path in paths:
             found = newton(p, path, values)
             if found is None:
-                return Response(state, None, ())
+                return Response(state, None, inf)
             motions.append(PeriodicMotion(p, path, found.values, _ERROR, found.least_tension))
     except (ArithmeticError, InputError):
-        return Response(state, None, ())
-    return Response(state, motions[0], tuple(motions[1:]))
+        return Response(state, None, inf)
+    still, *moved = motions
+    displaced = np.stack([_displaced(still, motion) for motion in moved])
+    return Response(state, displaced, max(_turned(still, motion) for motion in moved))
 
 
 def wind_share(known: Response, orbit: Orbit, moment: np.ndarray) -> np.ndarray:
@@ -94,15 +100,13 @@ def wind_share(known: Response, orbit: Orbit, moment: np.ndarray) -> np.ndarray:
         Mean square of the air's velocity past the circle, east and north [m^2/s^2].
     """
     share = np.zeros((4, 4))
-    if known.moved:
+    if known.displaced is not None:
+        # By winds towards east and north, (2, 3, 2): at constant ground speed, at airspeed.
+        ways = np.stack([_moves(known, orbit, way) for way in (0.0, 0.5 * np.pi)], axis=-1)
         # Which of the two is flown nobody knows without the wind: the worse counts.
-        either = []
-        for motion in known.moved:
-            ways = [_moves(known.still, motion, orbit, way) for way in (0.0, 0.5 * np.pi)]
-            either.append(np.stack(ways, axis=1) @ moment @ np.stack(ways))
+        either = ways @ moment @ np.swapaxes(ways, 1, 2)
         share[:3, :3] = max(either, key=np.trace)
-        turned = max(_turned(known.still, motion) for motion in known.moved)
-        share[3, 3] = (_MORE_TURNED * turned / orbit.speed) ** 2 * np.trace(moment)
+        share[3, 3] = (_MORE_TURNED * known.turned / orbit.speed) ** 2 * np.trace(moment)
     else:
         share[:3, :3] = 0.5 * (_MOST / orbit.angular_rate) ** 2 * np.trace(moment) * np.eye(3)
         share[3, 3] = np.pi**2
@@ -112,18 +116,26 @@ def wind_share(known: Response, orbit: Orbit, moment: np.ndarray) -> np.ndarray:
     return share
 
 
-def _moves(still: PeriodicMotion, moved: PeriodicMotion, orbit: Orbit, downwind: float):
-    """East, north and up [m] per m/s of a wind towards an angle from east, (3,)."""
+def _moves(known: Response, orbit: Orbit, downwind: float) -> np.ndarray:
+    """East, north and up [m] per m/s of a wind towards an angle from east, (2, 3)."""
     # The solver's frame: x downwind, the circle anticlockwise, time and angle 0 downwind.
-    angle = np.array(orbit.sense * (orbit.phase - downwind))
-    place = moved.end_mass(moved.path.times(angle)) - still.end_mass(angle)
-    flat = (place[0] + 1j * orbit.sense * place[1]) * np.exp(1j * downwind)
-    wind = moved.path.air_velocity * orbit.speed
-    return orbit.radius / wind * np.array([flat.real, flat.imag, place[2]])
+    turns = orbit.sense * (orbit.phase - downwind) / (2.0 * np.pi)
+    at, part = divmod((turns - floor(turns)) * _ANGLES, 1.0)
+    at = min(int(at), _ANGLES - 1)
+    here = known.displaced[:, at] + part * (known.displaced[:, at + 1] - known.displaced[:, at])
+    flat = (here[:, 0] + 1j * orbit.sense * here[:, 1]) * np.exp(1j * downwind)
+    return orbit.radius / orbit.speed * np.stack([flat.real, flat.imag, here[:, 2]], axis=1)
+
+
+def _displaced(still: PeriodicMotion, moved: PeriodicMotion) -> np.ndarray:
+    """One of `Response.displaced`, (n + 1, 3)."""
+    angles = np.linspace(0.0, 2.0 * np.pi, _ANGLES + 1)
+    place = moved.end_mass(moved.path.times(angles)) - still.end_mass(angles)
+    return place / moved.path.air_velocity
 
 
 def _turned(still: PeriodicMotion, moved: PeriodicMotion) -> float:
-    """Change of the end mass's velocity over that, per wind: root mean square over a turn."""
+    """See `Response.turned`, of one motion."""
     times = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
     before, after = still.end_mass_velocity(times), moved.end_mass_velocity(times)
     change = np.sqrt(np.mean(np.sum((after - before)[:, :2] ** 2, axis=1)))
@@ -170,4 +182,7 @@ def _moved(known: SteadyState, state: SteadyState) -> float:
         p: Parameters = s.parameters
         return p.omega, p.length, p.end_mass, p.cable_drag, p.drag_ratio, s.end_mass_radius
 
-    return max(abs(log(b / a)) for a, b in zip(of(known), of(state), strict=True))
+    return max(
+        0.0 if a == b else abs(log(b / a)) if a > 0.0 and b > 0.0 else inf
+        for a, b in zip(of(known), of(state), strict=True)
+    )
