@@ -269,7 +269,7 @@ def beacon_figure(beacon: Table, samples: Table):
         for of, marks, color in (
             ("settled", settled, MASS),
             (
-                "still settling, circle's end, or wind not modelled",
+                "still settling, unconfirmed, or wind not modelled",
                 np.isfinite(off) & ~settled, REST,
             ),
         ):

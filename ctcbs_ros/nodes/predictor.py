@@ -6,6 +6,7 @@ import sys
 from contextlib import suppress
 
 from ctcbs_ros import signals
+from ctcbs_ros.nodes.heap import keep_large_blocks_apart
 
 NO_ROS = (
     "needs ROS 2 (rclpy), which is not here: source a ROS installation, "
@@ -25,6 +26,7 @@ def main() -> int:
     # amid an import Python may end with SIGINT's code though it was caught.)
     signal.signal(signal.SIGINT, _stop)
     signal.signal(signal.SIGTERM, _stop)
+    keep_large_blocks_apart()
     try:
         return _run()
     finally:

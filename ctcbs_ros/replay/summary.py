@@ -24,8 +24,8 @@ from ctcbs_ros.telemetry.source import LogSource
 from ctcbs_ros.twin.look_ahead import Ending
 from ctcbs_ros.twin.simulated import Simulated, TwinState
 
-# Seconds between the end masses remembered for the orbits; a day's flight then takes 8 MB.
-REMEMBERED_EVERY = 5.0
+# Seconds between the end masses remembered for the orbits; a day's flight then takes 2 MB.
+REMEMBERED_EVERY = 10.0
 _SOURCES = tuple(WindSource)
 _MARGINS_OF = tuple(MarginOf)
 _ENDINGS = tuple(Ending)
@@ -37,7 +37,8 @@ _MOTION = (
     "end_mass_horizontal_std_m", "end_mass_excursion_m", "end_mass_least_depth_m",
     "end_mass_greatest_depth_m", "end_mass_lowest_above_home_m",
 )  # fmt: skip
-_LOOP_POINTS = 36
+# Its loop is remembered by so many points, in steps of so much [m] and no more of them.
+_LOOP_POINTS, _LOOP_STEP, _FARTHEST = 24, 0.1, 32_000
 
 
 class Summary:
@@ -59,23 +60,24 @@ class Summary:
         self._winds_rejected, self._wind_rejected = 0, ""
         self._flights: set[int] = set()
         # End masses of the flight, thinned: time, radius of the end mass, density of the air.
-        self._times, self._radii, self._densities = array("d"), array("d"), array("d")
+        self._times, self._radii, self._densities = array("d"), array("f"), array("f")
         # Wind of each: speed, where from [deg], nan where not known; its source by number, or -1.
-        self._winds, self._directions, self._sources = array("d"), array("d"), array("b")
-        self._wind_sigmas = array("d")
+        self._winds, self._directions, self._sources = array("f"), array("f"), array("b")
+        self._wind_sigmas = array("f")
         # Predictions from each on to the next, and those of them in a wind that is not modelled.
-        self._counts, self._not_modelled = array("l"), array("l")
+        self._counts, self._not_modelled = array("i"), array("i")
         # What each is of (`KINDS`); its motion in the wind (`_MOTION`), nan where there is none,
         # with its loop seen from above: east and north of the circle's centre.
-        self._kinds, self._motions, self._loops = array("b"), array("d"), array("f")
+        self._kinds, self._motions, self._loops = array("b"), array("f"), array("h")
         # How fast a disturbance decays [1/s], nan where not known; in what, by number.
-        self._margins, self._margins_of = array("d"), array("b")
+        self._margins, self._margins_of = array("f"), array("b")
+        self._settled = array("b")  # whether it counts as settled
         # Distance of the simulated end mass from the predicted one, that over what is stated of
         # both, and whether both are settled; nan where either is not known.
-        self._apart, self._apart_stated, self._apart_settled = array("d"), array("d"), array("b")
+        self._apart, self._apart_stated, self._apart_settled = array("f"), array("f"), array("b")
         # What the look-ahead comes to, by number, or -1; when it settles, nan where it does not.
         self._endings, self._settles_at = array("b"), array("d")
-        self._places_ahead = array("d")  # `_AHEAD`
+        self._places_ahead = array("f")  # `_AHEAD`
         self._twin: Simulated | None = None
 
     def add(self, prediction: Prediction) -> None:
@@ -92,7 +94,7 @@ class Summary:
                 self._winds, self._wind_sigmas, self._directions, self._sources, self._apart,
                 self._kinds,
                 self._counts, self._not_modelled, self._apart_stated, self._apart_settled,
-                self._margins, self._margins_of, self._endings, self._settles_at,
+                self._margins, self._margins_of, self._settled, self._endings, self._settles_at,
             ):  # fmt: skip
                 remembered.pop()
             del self._motions[-len(_MOTION) :]
@@ -121,6 +123,7 @@ class Summary:
             self._loops.extend(_loop(prediction, kind))
             self._margins.append(prediction.end_mass.margin.per_second)
             self._margins_of.append(_MARGINS_OF.index(prediction.end_mass.margin.of))
+            self._settled.append(prediction.end_mass.settled)
             apart, stated, settled = _apart(prediction)
             self._apart.append(apart)
             self._apart_stated.append(stated)
@@ -151,6 +154,7 @@ class Summary:
             and end in seconds, turns, radius, speed, sense, centre, and the
             end mass's radius, depth, margin and settling time, which are None where no state was
             found or none settles, and the wind at its end, None where nobody knew.
+            settled_at_s is when the end mass first counted as settled there, to 10 s, or None.
             Radius and depth are always those of still air, margin and settling time those that
             margin_of says: "still air", or the newest of "wind", or else "not known" in it, then
             they are None.
@@ -255,7 +259,15 @@ class Summary:
             "margin_of": margin.of.value,
             "margin_per_s": finite(margin.per_second),
             "settling_time_s": finite(margin.settling_time),
+            "settled_at_s": self._settled_at(first, last),
         }
+
+    def _settled_at(self, first: int, last: int) -> float | None:
+        """From when on the end mass counted as settled on an orbit; None where it never did."""
+        for number in range(first, last + 1):
+            if self._settled[number]:
+                return self._times[number] - self._first_time
+        return None
 
     def _agreement(self, first: int, last: int) -> dict[str, Any]:
         """How far apart simulated and predicted end mass were on an orbit."""
@@ -302,7 +314,7 @@ class Summary:
         newest = last - kinds[::-1].index(IN_WIND)
         size, points = len(_MOTION), 2 * _LOOP_POINTS
         motion = self._motions[newest * size : (newest + 1) * size]
-        loop = np.array(self._loops[newest * points : (newest + 1) * points], dtype=float)
+        loop = _LOOP_STEP * np.array(self._loops[newest * points : (newest + 1) * points])
         return {
             **found,
             "end_mass_motion": IN_WIND,
@@ -359,12 +371,13 @@ def _place_ahead(prediction: Prediction) -> tuple[float, ...]:
     return east, north, -up, ahead.radius
 
 
-def _loop(prediction: Prediction, kind: str) -> np.ndarray:
-    """East and north of the circle's centre over a turn, in turn."""
+def _loop(prediction: Prediction, kind: str) -> list[int]:
+    """East and north of the circle's centre over a turn, in turn, in steps of `_LOOP_STEP`."""
     if kind != IN_WIND:
-        return np.full(2 * _LOOP_POINTS, nan)
+        return [0] * (2 * _LOOP_POINTS)
     path = prediction.end_mass.circle()[:, :2] - prediction.orbit.center[:2]
-    return path[:: len(path) // _LOOP_POINTS].ravel()
+    steps = path[:: len(path) // _LOOP_POINTS].ravel() / _LOOP_STEP
+    return np.clip(np.nan_to_num(steps), -_FARTHEST, _FARTHEST).astype(int).tolist()
 
 
 def _apart(prediction: Prediction) -> tuple[float, float, bool]:

@@ -52,7 +52,7 @@ UNMATCHED = {
 STANDINGS = {
     "predicted": {
         Standing.SETTLED: "predicted, settled",
-        Standing.UNCONFIRMED: "predicted, circle's end",
+        Standing.UNCONFIRMED: "predicted, unconfirmed",
         Standing.SETTLING: "predicted, still settling",
         Standing.UNMODELLED: "predicted, wind unmodelled",
     },
@@ -158,8 +158,8 @@ def _bad_fix(summary: dict[str, Any]) -> str:
 
 def _wind(seen: int, unknown: int) -> str:
     if seen and unknown:
-        return f"there is wind ({seen}), or it is not known ({unknown})"
-    return "there is wind" if seen else "wind is not known"
+        return f"there is wind, or may be ({seen}), or it is not known ({unknown})"
+    return "there is wind, or may be" if seen else "wind is not known"
 
 
 def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str]:
@@ -188,8 +188,8 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
     left = [number for number, orbit in enumerate(orbits, 1) if not _settled(orbit)]
     if left:
         yield (
-            f"Left before the end mass had settled: {_orbits(left)}. It need not have been where "
-            "it is predicted then."
+            f"Left or changed before the end mass counted as settled: {_orbits(left)}. It need "
+            "not have been where it is predicted then."
         )
     for number, orbit in enumerate(orbits, 1):
         if orbit["wind_source"] is not None:
@@ -234,10 +234,9 @@ def _ahead(orbit: dict[str, Any]) -> str:
         f"{_toward(orbit['ahead_north_m'], 'north', 'south')} of the circle's centre, "
         f"{orbit['ahead_depth_m']:.0f} m below the circle"
     )
-    if orbit["settling_time_s"] is None:
-        return told
-    by_margin = orbit["start_s"] + orbit["settling_time_s"]
-    return f"{told}; 5 % of a small disturbance of the start is left at {by_margin:.0f} s"
+    if orbit["settled_at_s"] is None:
+        return f"{told}; by the margin it never counted as settled"
+    return f"{told}; by the margin it counted as settled from {orbit['settled_at_s']:.0f} s on"
 
 
 def _end_mass(orbit: dict[str, Any]) -> str:
@@ -321,11 +320,8 @@ def _motion_lines(orbits: list[dict[str, Any]]) -> Iterator[str]:
 
 
 def _settled(orbit: dict[str, Any]) -> bool:
-    """Whether an orbit was flown for the settling time; True where no state was found."""
-    if orbit["margin_per_s"] is None:
-        return True
-    settling = orbit["settling_time_s"]
-    return settling is not None and orbit["end_s"] - orbit["start_s"] >= settling
+    """Whether the end mass counted as settled on an orbit; True where it has no state."""
+    return orbit["end_mass_radius_m"] is None or orbit["settled_at_s"] is not None
 
 
 def _orbits(numbers: list[int]) -> str:
@@ -347,7 +343,8 @@ def _beacon_lines(beacon: dict[str, Any]) -> Iterator[str]:
     yield ""
     yield (
         f"Beacon of the payload{name}: {_counted(beacon['reports'], 'report')}, {skipped} of them "
-        f"skipped, {apart} not compared" + (f"; its clock is tied by {tied}" if tied else "")
+        f"skipped, {apart} not compared with the prediction"
+        + (f"; its clock is tied by {tied}" if tied else "")
     )
     share = share_out_of_reach(_outcomes(beacon))
     if share is not None:
