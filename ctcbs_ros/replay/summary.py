@@ -3,7 +3,7 @@
 from array import array
 from bisect import bisect_left, bisect_right
 from dataclasses import asdict
-from math import isfinite, nan, sqrt
+from math import inf, isfinite, nan, sqrt
 from statistics import median
 from typing import Any
 
@@ -78,6 +78,8 @@ class Summary:
         # What the look-ahead comes to, by number, or -1; when it settles, nan where it does not.
         self._endings, self._settles_at = array("b"), array("d")
         self._places_ahead = array("f")  # `_AHEAD`
+        # The newest may give way to one that knows more, until the next is due.
+        self._newest_worth, self._next_due = inf, -inf
         self._twin: Simulated | None = None
 
     def add(self, prediction: Prediction) -> None:
@@ -89,54 +91,70 @@ class Summary:
             self._first_time, self._first_stamp = prediction.time, prediction.stamp_ns
         self._flights.add(prediction.flight)
         while self._times and self._times[-1] > prediction.time:  # of time stamps that were wrong
-            for remembered in (
-                self._times, self._radii, self._densities,
-                self._winds, self._wind_sigmas, self._directions, self._sources, self._apart,
-                self._kinds,
-                self._counts, self._not_modelled, self._apart_stated, self._apart_settled,
-                self._margins, self._margins_of, self._settled, self._endings, self._settles_at,
-            ):  # fmt: skip
-                remembered.pop()
-            del self._motions[-len(_MOTION) :]
-            del self._places_ahead[-len(_AHEAD) :]
-            del self._loops[-2 * _LOOP_POINTS :]
+            self._forget_newest()
+            self._newest_worth, self._next_due = inf, -inf
         self._segments.add(prediction.time, prediction.orbit, prediction.tow_point)
         if prediction.wind is not None and REJECTED in prediction.wind.note:
             self._winds_rejected += 1
             self._wind_rejected = prediction.wind.note.partition(REJECTED)[2]
         self._twin = prediction.simulated or self._twin
-        if prediction.valid and (
-            not self._times or prediction.time - self._times[-1] >= REMEMBERED_EVERY
-        ):
-            self._times.append(prediction.time)
-            self._radii.append(prediction.end_mass.state.radius)
-            self._densities.append(prediction.air_density)
-            wind = prediction.wind
-            self._winds.append(nan if wind is None else wind.speed)
-            self._wind_sigmas.append(nan if wind is None else wind.sigma)
-            told = wind is not None and wind.speed > wind.sigma
-            self._directions.append(wind.from_direction if told else nan)
-            self._sources.append(-1 if wind is None else _SOURCES.index(wind.source))
-            kind = motion_kind(prediction)
-            self._kinds.append(KINDS.index(kind))
-            self._motions.extend(_motion(prediction, kind))
-            self._loops.extend(_loop(prediction, kind))
-            self._margins.append(prediction.end_mass.margin.per_second)
-            self._margins_of.append(_MARGINS_OF.index(prediction.end_mass.margin.of))
-            self._settled.append(prediction.end_mass.settled)
-            apart, stated, settled = _apart(prediction)
-            self._apart.append(apart)
-            self._apart_stated.append(stated)
-            self._apart_settled.append(settled)
-            ahead = prediction.simulated and prediction.simulated.settling
-            self._endings.append(-1 if ahead is None else _ENDINGS.index(ahead.ending))
-            self._settles_at.append(nan if ahead is None else ahead.settles_at)
-            self._places_ahead.extend(_place_ahead(prediction))
-            self._counts.append(0)
-            self._not_modelled.append(0)
         if prediction.valid:
-            self._counts[-1] += 1
-            self._not_modelled[-1] += not prediction.pose_holds
+            self._take(prediction)
+
+    def _take(self, prediction: Prediction) -> None:
+        """Remember a valid prediction, in the place of the newest if it knows more than that."""
+        kind = motion_kind(prediction)
+        worth = _worth(prediction, kind)
+        if not self._times or prediction.time >= self._next_due:
+            self._remember(prediction, kind, (0, 0))
+            self._newest_worth, self._next_due = worth, prediction.time + REMEMBERED_EVERY
+        elif worth > self._newest_worth:
+            counts = self._counts[-1], self._not_modelled[-1]
+            self._forget_newest()
+            self._remember(prediction, kind, counts)
+            self._newest_worth = worth
+        self._counts[-1] += 1
+        self._not_modelled[-1] += not prediction.pose_holds
+
+    def _forget_newest(self) -> None:
+        for remembered in (
+            self._times, self._radii, self._densities,
+            self._winds, self._wind_sigmas, self._directions, self._sources, self._apart,
+            self._kinds,
+            self._counts, self._not_modelled, self._apart_stated, self._apart_settled,
+            self._margins, self._margins_of, self._settled, self._endings, self._settles_at,
+        ):  # fmt: skip
+            remembered.pop()
+        del self._motions[-len(_MOTION) :]
+        del self._places_ahead[-len(_AHEAD) :]
+        del self._loops[-2 * _LOOP_POINTS :]
+
+    def _remember(self, prediction: Prediction, kind: str, counts: tuple[int, int]) -> None:
+        self._times.append(prediction.time)
+        self._radii.append(prediction.end_mass.state.radius)
+        self._densities.append(prediction.air_density)
+        wind = prediction.wind
+        self._winds.append(nan if wind is None else wind.speed)
+        self._wind_sigmas.append(nan if wind is None else wind.sigma)
+        told = wind is not None and wind.speed > wind.sigma
+        self._directions.append(wind.from_direction if told else nan)
+        self._sources.append(-1 if wind is None else _SOURCES.index(wind.source))
+        self._kinds.append(KINDS.index(kind))
+        self._motions.extend(_motion(prediction, kind))
+        self._loops.extend(_loop(prediction, kind))
+        self._margins.append(prediction.end_mass.margin.per_second)
+        self._margins_of.append(_MARGINS_OF.index(prediction.end_mass.margin.of))
+        self._settled.append(prediction.end_mass.settled)
+        apart, stated, settled = _apart(prediction)
+        self._apart.append(apart)
+        self._apart_stated.append(stated)
+        self._apart_settled.append(settled)
+        ahead = prediction.simulated and prediction.simulated.settling
+        self._endings.append(-1 if ahead is None else _ENDINGS.index(ahead.ending))
+        self._settles_at.append(nan if ahead is None else ahead.settles_at)
+        self._places_ahead.extend(_place_ahead(prediction))
+        self._counts.append(counts[0])
+        self._not_modelled.append(counts[1])
 
     def finish(self) -> dict[str, Any]:
         """The summary, ready for JSON.
@@ -175,7 +193,7 @@ class Summary:
             5 % of the tow radius of where it settles for good [s], None where it would not be;
             about which place that is, east and north of the circle's centre and below it, and how
             far around it on the average [m].
-            predictions_outside_orbits counts those of arcs that came to no orbit, to within 5 s.
+            predictions_outside_orbits counts those of arcs that came to no orbit, to within 10 s.
             flights counts the boots of the vehicle that gave believed samples;
             simulation_begun_anew says why the twin was, and how often, None where there is none.
 
@@ -339,6 +357,12 @@ class Summary:
         latitude, longitude, _ = to_geodetic(datum, *segment.center, segment.up)
         center = [float(latitude), float(longitude)]
         return center if all(isfinite(value) for value in center) else None
+
+
+def _worth(prediction: Prediction, kind: str) -> float:
+    """By which of two predictions some seconds apart the one that knows more is told."""
+    end_mass = prediction.end_mass
+    return 4.0 * (kind == IN_WIND) + 2.0 * end_mass.margin.known + 1.0 * end_mass.settled
 
 
 def _motion(prediction: Prediction, kind: str) -> tuple[float, ...]:
