@@ -20,10 +20,11 @@ from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED
 from ctcbs_ros.pieces import drained
 from ctcbs_ros.prediction import wind_follower
 from ctcbs_ros.prediction.codes import WarningCode
-from ctcbs_ros.prediction.prediction import MarginOf
+from ctcbs_ros.prediction.prediction import Margin, MarginOf
 from ctcbs_ros.prediction.warnings import stability_warnings
 from ctcbs_ros.prediction.wind_follower import WindFollower
 from ctcbs_ros.prediction.wind_motion import Flight, linear_motion_search
+from ctcbs_ros.prediction.wind_reasons import NO_TIME, STILL_SOLVED
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
@@ -361,7 +362,13 @@ def test_the_margin_is_known_with_the_coarse_motion_already_and_remains():
 
 def test_a_margin_that_cannot_be_told_is_said_to_be_unknown_once_and_for_all(monkeypatch):
     name = "small drone"
-    monkeypatch.setattr(wind_follower, "growth_search", lambda *_: (w for w in (0.1, 0.1)))
+
+    def untellable(*_):
+        for _ in range(6):
+            yield 0.6
+        return "it is too windy"
+
+    monkeypatch.setattr(wind_follower, "growth_search", untellable)
     state = steady_states(scaled(name)(60.0, 18.0)).states[0]
     follower, wind = WindFollower(), np.array([3.0, 0.0])
     told = []
@@ -377,6 +384,7 @@ def test_a_margin_that_cannot_be_told_is_said_to_be_unknown_once_and_for_all(mon
     assert not follower.judging
     (warning,) = stability_warnings(motion.margin, load_configuration("small_drone").limits)
     assert warning.code is WarningCode.MARGIN_UNKNOWN
+    assert warning.text.endswith("how soon it settles: it is too windy")
 
 
 def test_a_flight_that_leaves_no_time_to_find_out_is_said_to_have_a_margin_not_known(monkeypatch):
@@ -393,6 +401,64 @@ def test_a_flight_that_leaves_no_time_to_find_out_is_said_to_have_a_margin_not_k
     half_a_turn = min(told) + np.pi / 0.3
     for time, of in told.items():
         assert of is (MarginOf.NOT_YET if time <= half_a_turn else MarginOf.NOT_KNOWN)
+    (warning,) = stability_warnings(motion.margin, load_configuration("small_drone").limits)
+    assert warning.text.endswith(NO_TIME)
+
+
+def test_of_a_flight_that_moves_on_and_on_the_margin_is_known_meanwhile():
+    # Radius and speed grow by a per cent a sample, as where half a turn in wind shows the orbit.
+    name, wind = "small drone", np.array([3.0, 0.0])
+    follower, told = WindFollower(), []
+    for i in range(24):
+        radius, speed = 60.0 * 1.005**i, 16.0 * 1.01**i
+        orbit = replace(orbit_of(radius, speed / radius), time=0.1 * i)
+        state = steady_states(scaled(name)(radius, speed)).states[0]
+        motion = follower.update(orbit, scaled(name), state, wind, np.eye(2), GROUND_SPEED)
+        told.append(motion.margin if motion is not None else Margin(MarginOf.NOT_YET))
+    known = [margin.known for margin in told]
+    assert sum(known) > 12
+    last = max(np.flatnonzero(known))
+    radius, speed = 60.0 * 1.005**last, 16.0 * 1.01**last
+    _, exact = solved(name, orbit_of(radius, speed / radius), wind, GROUND_SPEED)
+    assert told[last].per_radian == pytest.approx(-floquet(exact).growth_rate, rel=0.03)
+
+
+def test_a_motion_that_the_flight_has_left_behind_is_sought_no_more(monkeypatch):
+    name, begun = "small drone", []
+
+    def endless(flight, *_):
+        begun.append(flight.radius)
+        while True:
+            yield 0.6
+
+    monkeypatch.setattr(wind_follower, "linear_motion_search", endless)
+    follower, wind = WindFollower(), np.array([3.0, 0.0])
+    state = steady_states(scaled(name)(60.0, 18.0)).states[0]
+    for radius in (60.0, 60.5, 62.0, 64.0, 66.0, 67.0):
+        orbit = orbit_of(radius, 0.3)
+        assert follower.update(orbit, scaled(name), state, wind, np.eye(2), GROUND_SPEED) is None
+        assert follower.reason == STILL_SOLVED
+    assert begun == [60.0, 66.0]
+
+
+def test_of_samples_that_come_seldom_each_is_given_more_work(monkeypatch):
+    name, worked = "small drone", []
+
+    def endless(*_):
+        while True:
+            worked.append(True)
+            yield 0.23
+
+    monkeypatch.setattr(wind_follower, "linear_motion_search", endless)
+    follower, wind = WindFollower(), np.array([3.0, 0.0])
+    state = steady_states(scaled(name)(60.0, 18.0)).states[0]
+    counts = []
+    for time in (0.0, 0.1, 0.12, 0.32, 5.0):
+        orbit, before = replace(orbit_of(60.0, 0.3), time=time), len(worked)
+        follower.update(orbit, scaled(name), state, wind, np.eye(2), GROUND_SPEED)
+        counts.append(len(worked) - before)
+    # 20 ms a sample at 10 Hz and above, in proportion below, 60 ms at most
+    assert counts == [3, 3, 3, 6, 8]
 
 
 def test_a_coarse_motion_that_cannot_be_known_better_is_not_tried_again(monkeypatch):

@@ -71,7 +71,7 @@ def end_mass_in_si(
     landed = _landed(point, tracked, in_angular_rate or in_radius)
     margin = still_air_margin(state, outlook.stability) if in_wind is None else in_wind.margin
     if unmodelled_because:
-        margin = Margin(MarginOf.NOT_KNOWN)
+        margin = Margin(MarginOf.NOT_KNOWN, because=unmodelled_because)
     if in_wind is None:
         yaw, known = pose.motion_yaw(orbit, tracked.state), None
         center = orbit.center - np.array([0.0, 0.0, state.depth])

@@ -101,6 +101,8 @@ class Margin:
         Of that mode, in the rotating frame [rad/s].
     nearest_loss : str or None
         "divergence" or "flutter": the way in which it would lose stability.
+    because : str
+        Why it is not known, in words; empty where it is.
     """
 
     of: MarginOf
@@ -108,6 +110,7 @@ class Margin:
     per_second: float = nan
     frequency: float = nan
     nearest_loss: str | None = None
+    because: str = ""
 
     @property
     def known(self) -> bool:
@@ -253,7 +256,7 @@ class EndMass:
         if self.in_wind is not None:
             return self.in_wind.margin
         if not self.holds:
-            return Margin(MarginOf.NOT_KNOWN)
+            return Margin(MarginOf.NOT_KNOWN, because=self.unmodelled_because)
         s = self.state
         return Margin(
             MarginOf.STILL_AIR, s.margin, s.margin_per_s, s.frequency_per_s, self.nearest_loss

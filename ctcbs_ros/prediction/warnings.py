@@ -20,8 +20,7 @@ WIND_NOT_KNOWN = (
 # Share of the tow radius that such winds leave of a position's use, one standard deviation.
 _OF_LITTLE_USE = 0.5
 MARGIN_NOT_KNOWN = (
-    "whether the motion in this wind is stable is not known, nor how soon it settles; "
-    "fly a wider circle or wait for less wind"
+    "whether the motion in this wind is stable is not known, nor how soon it settles"
 )
 # Speed of the air past the circle, over that along it, from which the prediction for still air is
 # not to be used, and the wind's standard deviation from which one cannot tell. An end mass hangs
@@ -173,7 +172,8 @@ def stability_warnings(margin: Margin, limits: WarningLimits) -> list[Warning]:
     is not known, which WIND_UNMODELLED tells.
     """
     if margin.of is MarginOf.NOT_KNOWN:
-        return [_warn(WarningCode.MARGIN_UNKNOWN, MARGIN_NOT_KNOWN)]
+        because = f": {margin.because}" if margin.because else ""
+        return [_warn(WarningCode.MARGIN_UNKNOWN, MARGIN_NOT_KNOWN + because)]
     if not margin.known:
         return []
     where = " in this wind" if margin.of is MarginOf.WIND else ""

@@ -5,6 +5,7 @@ at first, which takes a sample or two; finer while the flight stays near. Where 
 is found, the cable is flown in time until its turns are the same.
 """
 
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 from math import inf, nan, pi
 
@@ -26,7 +27,7 @@ from ctcbs_ros.prediction.wind_motion import (
     linear_motion_search,
     motion_in_wind,
 )
-from ctcbs_ros.prediction.wind_reasons import STILL_SOLVED
+from ctcbs_ros.prediction.wind_reasons import NO_TIME, STILL_JUDGED, STILL_SOLVED
 from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.stability import FUNCTIONS
 from ctcbs_ros.solver.steady_state import SteadyState
@@ -40,8 +41,9 @@ _GROWTH_USED = 0.04
 _ELSEWHERE = 0.1
 # Error of a coarse motion [a] from which the cable flown in time is worth its work.
 _POOR = 1e-2
-# Work a sample, in that of `newton.work`: 20 ms of one core.
-_PIECE = 0.6
+# Work a sample, in that of `newton.work`: 20 ms of one core; of samples that come less often than
+# so many seconds apart it is in proportion, up to so many times as much.
+_PIECE, _OFTEN, _MOST_PIECES = 0.6, 0.1, 3.0
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,14 @@ class _Failed:
 
     flight: Flight
     time: float
+
+
+@dataclass(frozen=True)
+class _Judging:
+    """A search for how stable a motion is, and that motion."""
+
+    search: Generator
+    motion: LinearMotion
 
 
 class WindFollower:
@@ -76,7 +86,9 @@ class WindFollower:
         self._untold: Flight | None = None
         self._open_since = nan
         self._judged: LinearMotion | None = None
-        self._judging = None
+        self._judging: _Judging | None = None
+        self._why_untold = ""
+        self._updated_at = nan
         # Whether the search is for the same motion, finer; when one such was begun.
         self._refining = False
         self._refined_at = -inf
@@ -89,6 +101,11 @@ class WindFollower:
     def searching(self) -> bool:
         """Whether a motion is being solved."""
         return self._search is not None
+
+    @property
+    def _is_judged(self) -> bool:
+        """Whether all is done of the motion as it is known now."""
+        return self._search is None and self._judging is None and self._solved is self._judged
 
     @property
     def judging(self) -> bool:
@@ -132,27 +149,15 @@ class WindFollower:
         self._forget_others(state, flight)
         if self._storage is None:
             self._storage = Storage(EFFORT.most_memory, EFFORT.most_times)
+        self._drop_what_is_left_behind(flight)
         if (self._search is None or self._refining) and self._is_due(flight, orbit.time):
             self._search = self._found_anyhow(flight, scaled, state, orbit.time)
             self._sought, self._refining = flight, False
-        elif self._search is None and self._solved is not self._judged:
-            if self._judging is None:
-                self._judging = growth_search(self._solved, functions)
-        elif self._search is None and self._may_be_finer(orbit.time):
+        elif self._is_judged and self._may_be_finer(orbit.time):
             self._search = self._found_finer(flight, scaled, state, orbit.time)
             self._sought, self._refining = flight, True
             self._refined_at = orbit.time
-        if self._search is not None:
-            found = _some_of(self._search)
-            if found is not None:
-                self._search = None
-                self._take(found.value)
-        elif self._judging is not None:
-            found = _some_of(self._judging)
-            if found is not None:
-                self._growth = found.value or self._growth
-                self._untold = self._solved.flight if found.value is None else None
-                self._judging, self._judged = None, self._solved
+        self._work(self._work_due(orbit.time), functions)
         if self._solved is None or self._solved.flight.distance(flight) > _USED:
             if self._search is not None:
                 self.reason = STILL_SOLVED
@@ -163,6 +168,47 @@ class WindFollower:
         except InputError as error:  # beside it lies a wind as fast as the aircraft
             self.reason = str(error)
             return None
+
+    def _drop_what_is_left_behind(self, flight: Flight) -> None:
+        """Give up what would be known of a flight too far from the present one to be used."""
+        if self._search is not None and self._sought.distance(flight) > _USED:
+            self._search = None
+        if (
+            self._judging is not None
+            and self._judging.motion is not self._solved
+            and self._judging.motion.flight.distance(flight) > _GROWTH_USED
+        ):
+            self._judging = None
+
+    def _work_due(self, time: float) -> float:
+        """Work that is due at a sample by when the one before came."""
+        since, self._updated_at = time - self._updated_at, time
+        return _PIECE * min(max(since / _OFTEN, 1.0), _MOST_PIECES) if since > 0.0 else _PIECE
+
+    def _work(self, left: float, functions: int) -> None:
+        """So much of what is being sought: the motion first, then how stable it is."""
+        if self._search is not None:
+            found, left = _some_of(self._search, left)
+            if found is not None:
+                self._search = None
+                self._take(found.value)
+        if left <= 0.0:
+            return
+        if self._judging is None and self._solved is not self._judged:
+            self._judging = _Judging(growth_search(self._solved, functions), self._solved)
+        if self._judging is not None:
+            found, left = _some_of(self._judging.search, left)
+            if found is not None:
+                self._told(found.value)
+
+    def _told(self, growth: LinearGrowth | str) -> None:
+        """Take what is known of how stable a motion is, or why that is not."""
+        motion = self._judging.motion
+        self._judging, self._judged = None, motion
+        if isinstance(growth, str):
+            self._untold, self._why_untold = motion.flight, growth
+        else:
+            self._growth, self._untold = growth, None
 
     def _forget_others(self, state: SteadyState, flight: Flight) -> None:
         """Forget the motion of another branch or another kind of flight."""
@@ -237,8 +283,11 @@ class WindFollower:
         if known is None or known.flight.distance(flight) > _GROWTH_USED:
             if not self._open_since <= time:
                 self._open_since = time
-            soon = self.judging and time - self._open_since <= pi / flight.rate
-            return Margin(MarginOf.NOT_YET if soon else MarginOf.NOT_KNOWN)
+            if self._untold is not None:
+                return Margin(MarginOf.NOT_KNOWN, because=self._why_untold)
+            if self.judging and time - self._open_since <= pi / flight.rate:
+                return Margin(MarginOf.NOT_YET, because=STILL_JUDGED)
+            return Margin(MarginOf.NOT_KNOWN, because=NO_TIME)
         self._open_since = nan
         margin = -known.at(flight)
         return Margin(
@@ -257,16 +306,14 @@ class WindFollower:
             if self._solved is not None:
                 found = found.after(self._solved)
             self._solved, self.reason = found, ""
-            self._judging = None
 
 
-def _some_of(search) -> StopIteration | None:
-    """One more piece of a search: what has ended it, or None while it goes on."""
-    left = _PIECE
+def _some_of(search, left: float) -> tuple[StopIteration | None, float]:
+    """So much work of a search: what has ended it, None while it goes on, and the work left."""
     with one_blas_thread():
         while left > 0.0:
             try:
                 left -= next(search)
             except StopIteration as ended:
-                return ended
-    return None
+                return ended, left
+    return None, left

@@ -15,6 +15,7 @@ from ctcbs_ros.periodic.floquet import floquet_search, least_damped_search
 from ctcbs_ros.periodic.fourier import at_times, fourier, times
 from ctcbs_ros.periodic.motion import PeriodicMotion
 from ctcbs_ros.prediction.wind_motion import Flight, LinearMotion
+from ctcbs_ros.prediction.wind_reasons import COARSE, NOT_CONVERGED
 from ctcbs_ros.solver.stability import DIVERGENCE, FLUTTER, FUNCTIONS
 
 # What the highest third of the orders may change of an exponent, as a share of it, or per radian.
@@ -23,7 +24,7 @@ _KNOWN, _CLOSE = 0.1, 1e-3
 _CONVERGED = 0.02
 # Steps a turn of what is only compared, the most of all, and the most functions, unless still air
 # needs more: so much is done within some seconds.
-_STEPS, _MOST_STEPS, _MOST_FUNCTIONS = 16, 64, 18
+_STEPS, _MOST_STEPS, _MOST_FUNCTIONS = 16, 64, 27
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,8 @@ class LinearGrowth:
 
 def growth_search(
     solved: LinearMotion, functions: int
-) -> Generator[float, None, LinearGrowth | None]:
-    """How stable a motion is, None where that is not known well enough; yields work.
+) -> Generator[float, None, LinearGrowth | str]:
+    """How stable a motion is, or why that is not known well enough; yields work.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def growth_search(
     """
     exponent = yield from _exponent_search(solved, functions)
     seen = solved.decay
-    if exponent is None and seen is not None and seen.known:
+    if isinstance(exponent, str) and seen is not None and seen.known:
         return LinearGrowth(solved.flight, seen.growth_rate, nan, None, np.zeros(3))
     return exponent
 
@@ -86,12 +87,12 @@ def _exponent_search(solved: LinearMotion, functions: int):
     fewer = yield from least_damped_search(_in_fewer_orders(motion), few, band, _STEPS)
     apart = abs(rough.growth_rate - fewer.growth_rate)
     if not apart <= max(_KNOWN * abs(rough.growth_rate), _CLOSE):
-        return None
+        return COARSE
     found = yield from floquet_search(
         motion, functions, band, max(functions, _MOST_FUNCTIONS), _MOST_STEPS, _CONVERGED
     )
     if not found.converged:
-        return None
+        return NOT_CONVERGED
     slopes = []
     if solved.known_as is not None:
         rough = yield from least_damped_search(solved.known_as, few, band, _STEPS)

@@ -9,7 +9,15 @@ from ctcbs_ros.twin.turns import Flown
 STILL_SOLVED = "the motion in this wind is still being solved"
 NO_STRETCH = "only of a cable that stretches is the motion in wind known: set cable.youngs_modulus"
 ALONE = "next to this wind, radius and speed there is no motion"
+STILL_JUDGED = "it is still being computed"
+NO_TIME = (
+    "radius, speed or wind keep changing before it is computed; hold the circle for half a turn"
+)
 _WHAT_TO_DO = "fly a wider circle or wait for less wind"
+
+# Why it is not known how stable a motion is.
+COARSE = f"it takes more of the motion than is solved; {_WHAT_TO_DO}"
+NOT_CONVERGED = f"it does not converge, a finer computation gives another margin; {_WHAT_TO_DO}"
 
 
 def not_found(found: Found, wind: float, speed: float) -> str:
