@@ -1,6 +1,6 @@
 """The orbits of a flight, one after another, for its summary."""
 
-from collections import deque
+from array import array
 from dataclasses import dataclass
 from math import atan2, hypot, pi
 
@@ -65,15 +65,17 @@ class OrbitSegments:
         self._run: _Run | None = None
         # Orbits that have left the run's circle, and may prove to be another one.
         self._moved: _Run | None = None
-        self._track: deque[tuple[float, float, float]] = deque(maxlen=_LONGEST_TRACK)
+        self._track = array("d")  # time, east, north, of one sample after another
 
     def add(self, time: float, orbit: Orbit | None, position: np.ndarray) -> None:
         """Take in the estimate at a time [s], None where there is no orbit, and the tow point."""
         newest = self._moved or self._run
         if newest is not None and time < newest.last.time:  # its time stamps were wrong
             self._close()
-            self._track.clear()
-        self._track.append((time, float(position[0]), float(position[1])))
+            del self._track[:]
+        self._track.extend((time, position[0], position[1]))
+        if len(self._track) >= 2 * 3 * _LONGEST_TRACK:
+            del self._track[: -3 * _LONGEST_TRACK]
         if orbit is None:
             newest = self._moved or self._run
             if newest is not None and time - newest.last.time > _LOST_AFTER:
@@ -142,7 +144,7 @@ class OrbitSegments:
         start, angle = first.start_time, 0.0
         earliest = self._done[-1].end_time if self._done else -np.inf
         last = None
-        for time, east, north in reversed(self._track):
+        for time, east, north in np.reshape(self._track, (-1, 3))[::-1].tolist():
             azimuth = atan2(north - center[1], east - center[0])
             if time > first.start_time:
                 continue

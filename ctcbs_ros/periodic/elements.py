@@ -59,7 +59,7 @@ def shape_functions(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array(value), np.array(slope)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def elements(length: float, count: int) -> Elements:
     """A cable of a length in a number of elements."""
     x, w = np.polynomial.legendre.leggauss(DEGREE + 4)

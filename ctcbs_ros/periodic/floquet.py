@@ -270,7 +270,7 @@ class _Functions:
     at_end: np.ndarray
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=4)
 def _functions(n: int, length: float, end_mass: float) -> _Functions:
     x, w = np.polynomial.legendre.leggauss(2 * n + 8)
     nodes, weights = 0.5 * (x + 1.0) * length, 0.5 * w * length
