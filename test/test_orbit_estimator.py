@@ -1,5 +1,6 @@
 """The orbit estimator on simulated flights with known truth, and on recorded ones."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -84,6 +85,36 @@ def test_rate_of_samples_does_not_matter(rate):
 def test_positions_alone_are_enough_for_a_whole_turn():
     orbit = estimate(entry(80.0, 1.3, 20.0, 3), velocity=False)[-1].orbit
     assert orbit.radius == pytest.approx(80.0, rel=0.02)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_without_velocities_it_does_not_matter_to_where_it_is_flown(seed):
+    """A flight mirrored, or turned by any angle, has the same orbits, mirrored or turned."""
+    flight = entry(120.0, 1.2, 20.0, seed, rate=1.0)
+    expected = [fix.orbit for fix in estimate(flight, velocity=False)]
+    assert expected[-1] is not None
+    position = flight.position
+    for there in np.diag([-1.0, 1.0]), np.diag([-1.0, -1.0]), np.array([[0.6, -0.8], [0.8, 0.6]]):
+        flown = replace(
+            flight, position=np.column_stack([position[:, :2] @ there.T, position[:, 2]])
+        )
+        for orbit, fix in zip(expected, estimate(flown, velocity=False), strict=True):
+            assert (orbit is None) == (fix.orbit is None)
+            if orbit is not None:
+                assert fix.orbit.radius == pytest.approx(orbit.radius, abs=1e-3)
+                center = there @ orbit.center[:2]
+                assert fix.orbit.center[:2] == pytest.approx(center, abs=1e-3)
+
+
+@pytest.mark.parametrize("course", [0.0, 90.0, 180.0, -100.0])
+def test_an_aircraft_that_stood_has_not_turned_when_it_takes_off(course):
+    estimator = OrbitEstimator()
+    towards = np.array([np.cos(np.radians(course)), np.sin(np.radians(course)), 0.0])
+    for i in range(60):
+        speed = 0.0 if i < 30 else 15.0
+        distance = 0.2 * speed * max(i - 30, 0)
+        fix = estimator.add(0.2 * i, distance * towards, speed * towards, 1.5, 0.3)
+    assert fix.reason == "the course does not turn"
 
 
 def test_circle_held_over_the_ground_in_wind_is_an_orbit_of_its_own_period():

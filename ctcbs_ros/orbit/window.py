@@ -107,6 +107,7 @@ class SampleWindow:
     def clear(self) -> None:
         """Forget all samples."""
         self._first = self._end = 0
+        self._has_course = False
 
     def __len__(self) -> int:
         return self._end - self._first
@@ -146,7 +147,12 @@ class SampleWindow:
         stated = velocity_sigma if isfinite(velocity_sigma) else s.velocity_sigma
         new[_VELOCITY] = max(stated, s.least_velocity_sigma)
         new[_STATED] = isfinite(position_sigma)
-        new[_COURSE] = self._course(new, rate)
+        course = self._course(new, rate)
+        if isfinite(course) and not self._has_course:
+            # Where it stood before, or had not moved far enough yet, it has not turned.
+            self._columns[_COURSE, self._first : self._end] = course
+            self._has_course = True
+        new[_COURSE] = course if self._has_course else 0.0
         self._end += 1
 
     def newest_turn(self) -> Samples:
@@ -175,19 +181,19 @@ class SampleWindow:
         self._first = 0
 
     def _course(self, new: np.ndarray, rate: float) -> float:
-        """Course over ground, continuous with the sample before."""
+        """Course over ground, continuous with the sample before; nan before the first is known."""
         before = self._columns[:, self._first : self._end]
-        known = self._end > self._first
+        known = self._has_course
         if isfinite(new[_VE]):
             if hypot(new[_VE], new[_VN]) < self._settings.minimum_speed:
-                return before[_COURSE, -1] if known else 0.0
+                return before[_COURSE, -1] if known else nan
             course = atan2(new[_VN], new[_VE])
         else:
             # The chord to an earlier position far enough away for the noise not to matter.
             distance = np.hypot(before[_E] - new[_E], before[_N] - new[_N])
             far = distance > 8.0 * new[_WHITE]
             if not far.any():
-                return before[_COURSE, -1] if known else 0.0
+                return before[_COURSE, -1] if known else nan
             start = before[:, np.flatnonzero(far)[-1]]
             course = atan2(new[_N] - start[_N], new[_E] - start[_E])
         if not known:

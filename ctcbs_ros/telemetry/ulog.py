@@ -315,14 +315,16 @@ def unprojected(
     Returns
     -------
     (float, float)
-        Latitude and longitude [deg]; nan where an argument is not finite.
+        Latitude and longitude [deg], the latter from -180 to below 180; nan where an argument is
+        not finite.
     """
     if not all(map(isfinite, (latitude, longitude, hypot(north, east)))):
         return nan, nan
     arc, course, origin = hypot(north, east) / EARTH_RADIUS, atan2(east, north), radians(latitude)
     sine = sin(origin) * cos(arc) + cos(origin) * sin(arc) * cos(course)
     turn = atan2(sin(course) * sin(arc) * cos(origin), cos(arc) - sin(origin) * sine)
-    return degrees(asin(max(-1.0, min(1.0, sine)))), longitude + degrees(turn)
+    across = (longitude + degrees(turn) + 180.0) % 360.0 - 180.0
+    return degrees(asin(max(-1.0, min(1.0, sine)))), across
 
 
 def _enu(values: Values, north: str, east: str, down: str) -> Vector | None:
