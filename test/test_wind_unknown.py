@@ -7,6 +7,9 @@ import pytest
 from test_wind_decay import DRONE, flight_of, scaled
 from test_wind_motion import orbit_of
 
+from ctcbs_ros.configuration import load_configuration
+from ctcbs_ros.dynamics.equilibrium import equilibrium
+from ctcbs_ros.periodic.tow_path import GROUND_SPEED, TowPath
 from ctcbs_ros.pieces import drained
 from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.predictor import Predictor
@@ -21,9 +24,13 @@ from ctcbs_ros.prediction.wind_unknown import (
     spread,
     wind_share,
 )
+from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.simulated_flight import simulate_flight
+from ctcbs_ros.solver.steady_state import steady_states
 from ctcbs_ros.telemetry.sample import Sample
+from ctcbs_ros.twin.turns import Flying, turns_search
 
+DESIGN = load_configuration("design_example")
 ROUND = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
 
 
@@ -66,27 +73,48 @@ def test_in_winds_up_to_8_m_s_the_end_mass_is_within_the_stated_95_per_cent_of_s
     assert np.max(stated) < 2.0 * np.max(far)
 
 
+@pytest.mark.parametrize("radius", [150.0, 200.0])
+def test_an_end_mass_that_hardly_moves_in_still_air_is_moved_more_than_in_proportion(radius):
+    """The design example, in a little wind and in one of 8 m/s, flown in time, not to its end."""
+    state = steady_states(flight_point(DESIGN, radius, 50.0, 1.18).parameters).states[0]
+    orbit = orbit_of(radius, 50.0 / radius, phase=0.0, center=np.zeros(3))
+    share = wind_share(response(state), orbit, mean_square(None, orbit))[:3, :3]
+    far = []
+    for wind in (1.0, 8.0):
+        begun, path = equilibrium(state, 12), TowPath(GROUND_SPEED, wind / 50.0)
+        flown = drained(turns_search(state.parameters, path, begun, True, Flying(12, 0.02)))
+        turn = np.linspace(0.0, 2.0 * np.pi, len(flown.motion.values), endpoint=False)
+        # The circle turned so that the tow point is in the east: winds from all sides.
+        place = flown.motion.end_mass(turn)
+        flat = (place[:, 0] + 1j * place[:, 1]) * np.exp(-1j * turn)
+        away = radius * np.stack([flat.real, flat.imag, place[:, 2]], axis=1)
+        away -= still_place(orbit, state)
+        assert np.max(np.sum(away * np.linalg.solve(share, away.T).T, axis=1)) < 7.81
+        far.append(np.linalg.norm(away, axis=1).mean() / wind)
+    assert far[1] > 1.2 * far[0]
+    assert spread(share) / CLIMATE < 2.0 * far[1]
+
+
 @pytest.mark.parametrize("sense", [1, -1])
-def test_in_a_light_wind_the_end_mass_is_moved_as_the_share_has_it(sense):
-    wind = 0.8
+def test_in_a_tenth_of_the_speed_the_end_mass_is_moved_as_the_share_has_it(sense):
+    wind = 2.0
     state, orbits, places = in_time(80.0, 20.0, wind, sense)
-    known = response(state)
-    only = replace(known, displaced=known.displaced[:1])  # at constant ground speed
+    known = replace(response(state), raised=0.0)
     for orbit, place in zip(orbits, places, strict=True):
-        share = wind_share(only, orbit, np.diag([wind**2, 0.0]))[:3, :3]
+        share = wind_share(known, orbit, np.diag([wind**2, 0.0]))[:3, :3]
         sizes, ways = np.linalg.eigh(share)
         # What is in proportion is one displacement, a fifth is put on it, and the rest is the same
         # in every direction.
         moved = np.sqrt(sizes[2] - sizes[0]) / 1.2 * ways[:, 2]
         away = place - still_place(orbit, state)
-        assert moved * np.sign(moved @ away) == pytest.approx(away, abs=0.3)
-        assert np.linalg.norm(away) > 4.0
+        assert moved * np.sign(moved @ away) == pytest.approx(away, abs=0.5)
+        assert np.linalg.norm(away) > 10.0
 
 
 def test_without_a_motion_the_share_is_twelve_tow_radii_for_a_wind_as_fast_as_the_aircraft():
     state, _ = flight_of(60.0, 16.0, 1.0)
     orbit = orbit_of(60.0, 16.0 / 60.0)
-    share = wind_share(Response(state, None, np.inf), orbit, mean_square(None, orbit))
+    share = wind_share(Response(state, None, np.inf, np.inf), orbit, mean_square(None, orbit))
     assert spread(share) > 12.0 * 60.0 * CLIMATE / 16.0
     assert spread(share) > spread(wind_share(response(state), orbit, mean_square(None, orbit)))
 
@@ -120,7 +148,7 @@ def test_until_the_wind_is_known_the_pose_says_how_far_it_may_be_off():
         assert prediction.wind is None
         assert prediction.pose_holds
         sigmas = np.sqrt(np.diag(prediction.end_mass.covariance)[:3])
-        assert (sigmas > 20.0).all()
+        assert (sigmas > [40.0, 40.0, 20.0]).all()
         (text,) = [
             w.text for w in prediction.warnings if w.code is WarningCode.WIND_UNMODELLED
         ]
