@@ -106,6 +106,28 @@ def test_without_velocities_it_does_not_matter_to_where_it_is_flown(seed):
                 assert fix.orbit.center[:2] == pytest.approx(center, abs=1e-3)
 
 
+@pytest.mark.parametrize("velocity", [True, False])
+def test_samples_too_far_apart_never_make_an_orbit_of_another_sense_or_speed(velocity):
+    """An angle of 290 deg from one sample to the next looks like one of -70 deg."""
+    radius, speed = 40.0, 26.0
+    found = 0
+    for apart in np.arange(0.04, 1.8, 0.04):
+        time = apart * TURN * radius / speed * np.arange(14.0)
+        angle = -time * speed / radius
+        fixes, estimator = [], OrbitEstimator()
+        for t, a in zip(time, angle, strict=True):
+            out = np.array([np.cos(a), np.sin(a), 0.0])
+            along = np.array([np.sin(a), -np.cos(a), 0.0])
+            fixes.append(
+                estimator.add(t, radius * out, speed * along if velocity else None, 1.0, 0.3)
+            )
+        orbits = [fix.orbit for fix in fixes if fix.orbit is not None]
+        found += bool(orbits)
+        assert all(o.sense == -1 and o.speed == pytest.approx(speed, rel=0.05) for o in orbits)
+        assert all(fix.reason for fix in fixes if fix.orbit is None)
+    assert found >= 5
+
+
 @pytest.mark.parametrize("course", [0.0, 90.0, 180.0, -100.0])
 def test_an_aircraft_that_stood_has_not_turned_when_it_takes_off(course):
     estimator = OrbitEstimator()

@@ -162,7 +162,9 @@ def test_local_positions_alone_are_local_or_geodetic_as_they_say():
     assert third.fix_type == 1
 
 
-@pytest.mark.parametrize(("north", "east"), [(30.0, 40.0), (-2000.0, 500.0), (1e5, -3e5), (0.0, 2e3)])
+@pytest.mark.parametrize(
+    ("north", "east"), [(30.0, 40.0), (-2000.0, 500.0), (1e5, -3e5), (0.0, 2e3)]
+)
 def test_unprojected_point_lies_at_its_distance_and_bearing_on_the_sphere(north, east):
     latitude, longitude = unprojected(47.4, 179.99, north, east)
     assert -180.0 <= longitude < 180.0

@@ -184,6 +184,8 @@ class OrbitEstimator:
         course = float(self._window.kept.course[-1])
         if self._last is None and abs(course - self._refused_at) < _TRIED_ANEW:
             return self._none(self._refused)
+        if len(samples) < _FEWEST:
+            return self._none(f"only {len(samples)} samples in about a turn, fewer than {_FEWEST}")
         reason = ""
         for part, may_drift in self._candidates(samples):
             found = self._best(part, may_drift, len(part) < len(samples))

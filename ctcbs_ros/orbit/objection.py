@@ -20,6 +20,11 @@ _BEYOND, _NOISE = 1.8, 2.6
 # Swing of the speed relative to a drifting centre, once a turn, from which it does not drift: over
 # the drift, and in the swing's standard deviations.
 _SWINGS, _UNSEEN = 0.5, 1.5
+# Velocities from which they tell the way round, and the part by which their rate about the centre
+# may differ from the positions': once round more, or the other way, it differs by more than all.
+_FEWEST_VELOCITIES, _SAME_RATE = 3, 0.5
+# Acceleration towards the centre that no aircraft on tow flies: a bank of 70 degrees [m/s^2].
+_MOST_ACCELERATION = 27.0
 
 
 @dataclass(frozen=True)
@@ -75,6 +80,7 @@ def objection(
         return Objection(f"only {np.degrees(arc):.0f} deg of a circle so far")
     return (
         _changes(fit, arc, widened, flown, settings)
+        or _is_too_sparse(fit, samples, angle)
         or _off_the_circle(fit, angle, sigma, settings)
         or _goes_back(fit, samples, angle, sigma, settings)
     )
@@ -116,6 +122,29 @@ def _changes(fit, arc, widened, flown, settings) -> Objection | None:
     if abs(change) > most:
         return Objection(f"a spiral: the radius changes by {change:+.0f} m a turn", final)
     return None
+
+
+def _is_too_sparse(fit, samples, angle) -> Objection | None:
+    """Between samples far apart it may have gone the other way round, or once more.
+
+    The velocities tell which it was; without them, that nobody could fly it.
+    """
+    elapsed = samples.time[-1] - samples.time[0]
+    rate = (angle[-1] - angle[0]) / elapsed
+    (x, y), (east, north) = (fit.points - fit.center).T, fit.velocities.T
+    by_velocity = (x * north - y * east) / (x * x + y * y)
+    known = by_velocity[np.isfinite(by_velocity)]
+    if len(known) >= _FEWEST_VELOCITIES:
+        if abs(float(np.mean(known)) - rate) < _SAME_RATE * abs(rate):
+            return None
+        return Objection("velocities do not go round with the positions; samples too far apart?")
+    interval = elapsed / (len(samples) - 1)
+    other_way = TURN / interval - abs(rate)
+    if other_way * other_way * fit.radius > _MOST_ACCELERATION:
+        return None
+    return Objection(
+        f"samples {interval:.1f} s apart, without velocities, do not tell which way round it goes"
+    )
 
 
 def _off_the_circle(fit, angle, sigma, settings) -> Objection | None:
