@@ -9,11 +9,16 @@ from points import FLUTTER, STRETCHED, design, parameters
 from ctcbs_ros.dynamics import signal
 from ctcbs_ros.dynamics.cable import CableState, drive, simulate
 from ctcbs_ros.dynamics.line import line_of
-from ctcbs_ros.periodic.floquet import exponents_and_frequencies, floquet
+from ctcbs_ros.periodic.floquet import (
+    exponents_and_frequencies,
+    floquet,
+    least_damped_search,
+)
 from ctcbs_ros.periodic.solve import coarse_search, periodic_motion
 from ctcbs_ros.periodic.tension import under_tension
 from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED, TowPath
 from ctcbs_ros.pieces import drained
+from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.stability import eigenvalues, stability
 from ctcbs_ros.solver.steady_state import steady_states
 
@@ -47,6 +52,29 @@ def test_the_tension_that_a_coarse_motion_needs_is_the_steady_states(point):
     nodes = 0.5 * coarse.parameters.length * (1.0 + np.polynomial.legendre.leggauss(12)[0])
     expected = np.linalg.norm(state.cable(nodes)[1], axis=-1)
     assert found == pytest.approx(np.stack([expected, expected]), rel=5e-3)
+
+
+def test_where_few_orders_have_a_cable_push_its_short_waves_do_not_grow():
+    # A light end mass in a strong wind: the least tension is 0.8, by the few orders' push -1.2.
+    point = Parameters(0.78, 3.32, 5.8, 43.91, 0.47, elasticity=595.0)
+    (state,) = steady_states(point).states
+    path = TowPath(GROUND_SPEED, 0.27)
+    coarse = drained(coarse_search(state, path, 6e-2)).motion
+    fine = periodic_motion(state, path, 1e-3).motion
+    when = np.linspace(0.0, 2.0 * np.pi, 64)
+    least = []
+    for motion in (coarse, fine):
+        slope, _, _ = under_tension(motion, 40, when)
+        least.append(point.gamma * (np.linalg.norm(slope, axis=-1).min() - 1.0))
+    assert least[0] == pytest.approx(0.0, abs=1e-9)
+    assert least[1] == pytest.approx(fine.least_tension, rel=0.05)
+    expected = drained(least_damped_search(fine, 18, point.band, 64))
+    # -0.239 and -0.243 of lumped masses on 12 and 24 segments
+    assert expected.growth_rate == pytest.approx(-0.245, rel=0.01)
+    for functions in (12, 18, 27):
+        found = drained(least_damped_search(coarse, functions, point.band, 64))
+        assert found.growth_rate == pytest.approx(expected.growth_rate, rel=0.02)
+        assert found.frequency == pytest.approx(expected.frequency, rel=0.05)
 
 
 def test_the_tension_that_a_damped_motion_in_wind_needs_is_that_of_its_stretch():

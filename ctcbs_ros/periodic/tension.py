@@ -51,7 +51,9 @@ def under_tension(
     at_end = p.end_mass * (push[..., 0] + acceleration) + end_drag(p, velocity + rate[..., 0])[0]
     at_end[:, 2] += p.end_weight / p.omega**2
     pull = at_end[:, None] + 0.5 * p.length * np.einsum("ij,kja->kia", _gauss(points)[1], load)
-    tension = p.omega**2 * np.sum(pull * direction, axis=-1)
+    # A cable bears none below 0: what the few orders of a coarse motion say of it may be below,
+    # and would let its shortest waves grow.
+    tension = np.maximum(p.omega**2 * np.sum(pull * direction, axis=-1), 0.0)
     strain = tension / p.gamma - p.damping * np.sum(opening * direction, axis=-1)
     return direction * (1.0 + strain)[..., None], through, opening
 
