@@ -21,6 +21,7 @@ from ctcbs_ros.pieces import drained
 from ctcbs_ros.prediction import wind_follower
 from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.prediction import Margin, MarginOf
+from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.warnings import stability_warnings
 from ctcbs_ros.prediction.wind_follower import WindFollower
 from ctcbs_ros.prediction.wind_motion import Flight, linear_motion_search
@@ -28,6 +29,7 @@ from ctcbs_ros.prediction.wind_reasons import NO_TIME, STILL_SOLVED
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.solver.stability import stability
 from ctcbs_ros.solver.steady_state import steady_states
+from ctcbs_ros.telemetry.sample import Sample
 
 AIR = 1.2
 # Configuration, tow radius, speed and wind towards east and north.
@@ -476,3 +478,36 @@ def test_a_coarse_motion_that_cannot_be_known_better_is_not_tried_again(monkeypa
                 orbit = replace(orbit_of(60.0 * factor, 0.3), time=30.0 * (turn + 10.0 * factor))
                 follower.update(orbit, scaled(name), state, wind, np.eye(2), GROUND_SPEED)
     assert len(count) == 2  # one for each motion solved
+
+
+def predicted(turned, sense):
+    """Place and margin, turn by turn and mirrored back, of a flight turned by an angle [rad]."""
+    radius, speed, air = 60.0, 16.0, 3.2 * np.exp(1.1j)
+    predictor, found = Predictor(load_configuration("small_drone")), []
+
+    def there(z):
+        return (z if sense == 1 else np.conj(z)) * np.exp(1j * turned)
+
+    for i in range(110):
+        out = np.exp(0.25j * i * speed / radius)
+        place, moves, wind = (there(z) for z in (radius * out, 1j * speed * out, air))
+        prediction = predictor.update(Sample(
+            0.25 * i, 250_000_000 * i, local_position=(place.real, place.imag, 300.0),
+            velocity=(moves.real, moves.imag, 0.0), horizontal_accuracy=1.0, speed_accuracy=0.3,
+            wind=(wind.real, wind.imag, 0.0), wind_accuracy=0.3,
+        ))  # fmt: skip
+        end_mass = prediction.end_mass
+        if end_mass is not None and end_mass.in_wind is not None:
+            back = (end_mass.position[0] + 1j * end_mass.position[1]) * np.exp(-1j * turned)
+            back = back if sense == 1 else np.conj(back)
+            found.append([back.real, back.imag, end_mass.position[2], end_mass.margin.per_second])
+    return np.array(found)
+
+
+def test_a_flight_turned_and_mirrored_is_predicted_the_same_turned_and_mirrored():
+    as_flown = predicted(0.0, 1)
+    assert np.isfinite(as_flown[-1]).all()
+    for turned, sense in ((2.3, 1), (-1.0, -1)):
+        found = predicted(turned, sense)
+        assert found[:, :3] == pytest.approx(as_flown[:, :3], abs=1e-6)
+        assert found[:, 3] == pytest.approx(as_flown[:, 3], abs=1e-9, nan_ok=True)
