@@ -14,6 +14,7 @@ from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import end_mass_fields, prediction_record
 from ctcbs_ros.replay import core
+from ctcbs_ros.replay.summary import _between
 from ctcbs_ros.table import table_for
 from ctcbs_ros.telemetry.source import open_log
 
@@ -136,3 +137,12 @@ def test_python_warnings_do_not_come_up_in_a_replay(drone_log, drone_table, tmp_
         "replay", drone_log, "--config", DRONE, "--table", drone_table, env=environment
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_a_loop_between_the_points_remembered_of_it_is_that_of_its_harmonics():
+    def loop(points):
+        turn = 2.0 * np.pi * np.arange(points) / points
+        east = 30.0 + 20.0 * np.cos(turn) + 3.0 * np.sin(2.0 * turn)
+        return np.column_stack((east, -7.0 + 19.0 * np.sin(turn) + np.cos(3.0 * turn)))
+
+    assert _between(loop(12)) == pytest.approx(loop(24), abs=1e-9)

@@ -144,7 +144,8 @@ class OrbitSegments:
         start, angle = first.start_time, 0.0
         earliest = self._done[-1].end_time if self._done else -np.inf
         last = None
-        for time, east, north in np.reshape(self._track, (-1, 3))[::-1].tolist():
+        for row in range(len(self._track) - 3, -1, -3):
+            time, east, north = self._track[row : row + 3]
             azimuth = atan2(north - center[1], east - center[0])
             if time > first.start_time:
                 continue

@@ -38,7 +38,8 @@ _MOTION = (
     "end_mass_greatest_depth_m", "end_mass_lowest_above_home_m",
 )  # fmt: skip
 # Its loop is remembered by so many points, in steps of so much [m] and no more of them.
-_LOOP_POINTS, _LOOP_STEP, _FARTHEST = 24, 0.1, 32_000
+_LOOP_POINTS, _LOOP_STEP, _FARTHEST = 12, 0.1, 32_000
+_LOOP_TOLD = 24  # points of a loop in the summary; those between are of its harmonics up to 5
 
 
 class Summary:
@@ -337,7 +338,7 @@ class Summary:
             **found,
             "end_mass_motion": IN_WIND,
             **{name: finite(value) for name, value in zip(_MOTION, motion, strict=True)},
-            "end_mass_loop_m": loop.round(2).reshape(-1, 2).tolist(),
+            "end_mass_loop_m": _between(loop.reshape(-1, 2)).round(2).tolist(),
         }
 
     def _wind(self, number: int) -> dict[str, Any]:
@@ -402,6 +403,12 @@ def _loop(prediction: Prediction, kind: str) -> list[int]:
     path = prediction.end_mass.circle()[:, :2] - prediction.orbit.center[:2]
     steps = path[:: len(path) // _LOOP_POINTS].ravel() / _LOOP_STEP
     return np.clip(np.nan_to_num(steps), -_FARTHEST, _FARTHEST).astype(int).tolist()
+
+
+def _between(loop: np.ndarray) -> np.ndarray:
+    """(`_LOOP_TOLD`, 2) points of a loop from (`_LOOP_POINTS`, 2), by its harmonics."""
+    harmonics = np.fft.rfft(loop, axis=0)[: _LOOP_POINTS // 2]
+    return np.fft.irfft(harmonics, _LOOP_TOLD, axis=0) * (_LOOP_TOLD / _LOOP_POINTS)
 
 
 def _apart(prediction: Prediction) -> tuple[float, float, bool]:
