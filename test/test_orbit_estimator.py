@@ -128,6 +128,16 @@ def test_samples_too_far_apart_never_make_an_orbit_of_another_sense_or_speed(vel
     assert found >= 5
 
 
+def test_a_glitch_to_the_centre_of_the_circle_does_not_end_the_orbit():
+    for seed in range(6):
+        flight = entry(100.0, 0.75, 20.0, seed)
+        on = np.flatnonzero(flight.piece == 1)
+        flight.position[on[[20, 40, -20]], :2] = flight.centers[1] + [0.5, 0.2]
+        orbit = estimate(flight)[-1].orbit
+        assert orbit is not None
+        assert orbit.radius == pytest.approx(100.0, rel=0.03)
+
+
 @pytest.mark.parametrize("course", [0.0, 90.0, 180.0, -100.0])
 def test_an_aircraft_that_stood_has_not_turned_when_it_takes_off(course):
     estimator = OrbitEstimator()

@@ -133,7 +133,9 @@ def _is_too_sparse(fit, samples, angle) -> Objection | None:
     rate = (angle[-1] - angle[0]) / elapsed
     (x, y), (east, north) = (fit.points - fit.center).T, fit.velocities.T
     by_velocity = (x * north - y * east) / (x * x + y * y)
-    known = by_velocity[np.isfinite(by_velocity)]
+    # A glitch near the centre would seem to fly round it in no time.
+    near = np.abs(fit.radial) < 0.5 * fit.radius
+    known = by_velocity[near & np.isfinite(by_velocity)]
     if len(known) >= _FEWEST_VELOCITIES:
         if abs(float(np.mean(known)) - rate) < _SAME_RATE * abs(rate):
             return None
