@@ -234,7 +234,13 @@ def load_configuration(path: str | Path, settings: Sequence[str] = ()) -> Config
 
 
 def find_configuration(path: str | Path) -> Path:
-    """Path of a configuration: `path` itself, or where a shipped one of that bare name lies."""
+    """Path of a configuration: `path` itself, or where a shipped one of that bare name lies.
+
+    Raises
+    ------
+    InputError
+        If it is a bare name, and neither a file nor a shipped configuration has it.
+    """
     path = Path(path)
     if os.path.exists(path) or path.name != str(path) or path.suffix not in ("", ".yaml"):
         return path
@@ -242,7 +248,13 @@ def find_configuration(path: str | Path) -> Path:
     folders = [package.parent / "config"]  # a checkout
     folders += [prefix / "share/ctcbs_ros/config" for prefix in package.parents]  # pip, colcon
     found = (folder / f"{path.stem}.yaml" for folder in folders)
-    return next(filter(os.path.isfile, found), path)
+    file = next(filter(os.path.isfile, found), None)
+    if file is not None or path.suffix:
+        return file or path
+    shipped = sorted({file.stem for folder in folders for file in folder.glob("*.yaml")})
+    raise InputError(
+        f"{path}: no such file, and none of the shipped configurations: {', '.join(shipped)}"
+    )
 
 
 def configuration_from_mapping(mapping: Mapping[str, Any], source: str) -> Configuration:

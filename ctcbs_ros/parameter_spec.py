@@ -96,7 +96,8 @@ class ParameterSpec:
                 raise self._refusal(value, source, f" (got {len(value)})")
         for item in items:
             if type(item) is not kind:
-                hint = f"; write {item}.0" if (kind, type(item)) == (float, int) else ""
+                whole = (kind, type(item)) == (float, int)
+                hint = f"; write {item}.0" if whole and self._in_range(item) else ""
                 raise self._refusal(value, source, f" (got {_kind(item)}{hint})")
             if kind in (float, int) and not self._in_range(item):
                 raise self._refusal(value, source)

@@ -116,6 +116,8 @@ def test_shipped_configuration_is_found_by_its_bare_name(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     assert find_configuration("small_drone").samefile(CONFIG / "small_drone.yaml")
     assert find_configuration("small_drone.yaml").samefile(CONFIG / "small_drone.yaml")
+    with pytest.raises(InputError, match="nope: no such file.*: design_example, small_drone"):
+        find_configuration("nope")
     assert find_configuration("there/small_drone.yaml") == Path("there/small_drone.yaml")
 
 
@@ -290,6 +292,7 @@ def test_envelope_out_of_range_or_not_finite_is_refused(parameters, pair):
 
 def test_whole_number_for_a_decimal_one_is_refused_with_how_to_write_it(parameters):
     assert "write 5.0" in refusal(parameters, cable__length=5)
+    assert "write" not in refusal(parameters, cable__length=-5)
     assert "write 120.0" in refusal(parameters, envelope__radius=[40.0, 120])
 
 
@@ -420,7 +423,7 @@ def test_missing_file_and_folder_are_refused(tmp_path):
     with pytest.raises(InputError, match="cannot be read: Is a directory"):
         load_configuration(tmp_path)
     with pytest.raises(InputError, match="cannot be read: File name too long"):
-        load_configuration("x" * 5000)
+        load_configuration("x" * 5000 + ".yaml")
 
 
 def test_refusal_of_a_file_names_file_key_value_and_range(tmp_path):

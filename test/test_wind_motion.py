@@ -1,7 +1,9 @@
 """The end mass in the wind as the predictor follows it, against motions solved for each orbit."""
 
+import gc
 from dataclasses import replace
 from functools import cache
+from types import GeneratorType
 
 import numpy as np
 import pytest
@@ -511,3 +513,16 @@ def test_a_flight_turned_and_mirrored_is_predicted_the_same_turned_and_mirrored(
         found = predicted(turned, sense)
         assert found[:, :3] == pytest.approx(as_flown[:, :3], abs=1e-6)
         assert found[:, 3] == pytest.approx(as_flown[:, 3], abs=1e-9, nan_ok=True)
+
+
+def test_a_search_that_is_done_is_not_kept_until_the_next_collection_of_garbage():
+    _, radius, speed, wind = FLIGHTS["small drone"]
+    gc.collect()
+    gc.disable()
+    try:
+        motion = updated(WindFollower(), "small drone", orbit_of(radius, speed / radius), wind)
+        kept = {one.gi_code.co_name for one in gc.get_objects() if isinstance(one, GeneratorType)}
+    finally:
+        gc.enable()
+    assert motion.margin.known
+    assert kept.isdisjoint({"growth_search", "_found_anyhow", "_found_finer"})

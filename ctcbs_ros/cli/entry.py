@@ -239,8 +239,8 @@ def _print(result, units) -> None:
     span = (f"radius {result['least_radius']:.5g} to {result['greatest_radius']:.5g} {length}, "
             f"depth {result['least_depth']:.5g} to {result['greatest_depth']:.5g} {length}")
     if result["outcome"] == "steady":
-        print(f"ends in the steady state of radius {state['end_mass_radius']:.5g}, depth "
-              f"{state['depth']:.5g} {length}, lag {degrees(state['phase_lag']):.4g} deg")
+        print(f"ends in the steady state of radius {state['end_mass_radius']:.5g} {length}, "
+              f"depth {state['depth']:.5g} {length}, lag {degrees(state['phase_lag']):.4g} deg")
     elif result["outcome"] == "periodic":
         x, y, z = result["mean_position"]
         print(f"ends the same from orbit to orbit about {x:.5g}, {y:.5g}, {z:.5g} {length}: "
@@ -256,13 +256,14 @@ def _print(result, units) -> None:
     print(f"  the circle takes a bank of {degrees(result['bank']):.3g} deg")
     print(f"  greatest tension {result['greatest_tension']:.5g} {force}, greatest distance from "
           f"the axis on the circle {result['greatest_excursion']:.5g} {length}")
-    above = "above the ground" if result["above_ground"] else "against the tow plane"
-    print(f"  lowest height of the mass {result['lowest_height']:.5g} {length} {above}, slack "
-          f"{100.0 * result['slack']:.3g} % of the time")
+    height, of = result["lowest_height"], "ground" if result["above_ground"] else "tow plane"
+    side = "above" if height >= 0.0 else "below"
+    print(f"  the mass comes as low as {abs(height):.5g} {length} {side} the {of}, the cable is "
+          f"slack {100.0 * result['slack']:.3g} % of the time")
     for other in result["steady_states"]:
         if not other["reached"]:
             kind = "stable, but missed" if other["stable"] else "unstable"
-            print(f"  not reached: radius {other['end_mass_radius']:.5g}, depth "
+            print(f"  not reached: radius {other['end_mass_radius']:.5g} {length}, depth "
                   f"{other['depth']:.5g} {length}, {kind}")
     for told in result["warnings_told"]:
         print(f"  {told}")

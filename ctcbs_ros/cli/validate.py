@@ -17,7 +17,7 @@ def add_parser(subparsers) -> None:
         "validate",
         help="steady state, motion in time and in wind beside MoorDyn",
         description="Flies each case with MoorDyn (pip install moordyn) and with the product, and "
-        "compares them: the same segments to 0.1 %%, in wind the periodic motion to 0.5 %% of the "
+        "compares them: the same segments to 0.1 %, in wind the periodic motion to 0.5 % of the "
         "tow radius. A minute or two. Ends with 1 if a bar is missed.",
     )
     parser.add_argument("--out", metavar="DIR", help="folder for table and pictures")

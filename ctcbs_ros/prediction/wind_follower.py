@@ -8,6 +8,7 @@ is found, the cable is flown in time until its turns are the same.
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 from math import inf, nan, pi
+from typing import Any
 
 import numpy as np
 
@@ -308,12 +309,18 @@ class WindFollower:
             self._solved, self.reason = found, ""
 
 
-def _some_of(search, left: float) -> tuple[StopIteration | None, float]:
-    """So much work of a search: what has ended it, None while it goes on, and the work left."""
+@dataclass(frozen=True)
+class _Found:
+    value: Any
+
+
+def _some_of(search, left: float) -> tuple[_Found | None, float]:
+    """So much work of a search: what it found, None while it goes on, and the work left."""
     with one_blas_thread():
         while left > 0.0:
             try:
                 left -= next(search)
             except StopIteration as ended:
-                return ended, left
+                # Not the exception itself: its traceback keeps all that the search has made.
+                return _Found(ended.value), left
     return None, left

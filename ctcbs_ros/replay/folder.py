@@ -35,9 +35,10 @@ def complete_folder(folder: str | Path) -> Iterator[Path]:
         folder.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=".ctcbs-", dir=folder))
     except OSError as error:
-        raise InputError(
-            f"--out {folder}: cannot be written: {error.strerror or error}"
-        ) from error
+        why = error.strerror or error
+        if isinstance(error, FileExistsError | NotADirectoryError):
+            why = "a folder is needed, and there is a file of that name"
+        raise InputError(f"--out {folder}: cannot be written: {why}") from error
     try:
         try:
             yield draft

@@ -189,7 +189,8 @@ class Summary:
             they are None. How far the
             simulated end mass was from the predicted one at moments at which both were settled,
             or, where there are none, on the way to it (whether settled, number of moments, median
-            and greatest distance, and the median of that over the joint standard deviation).
+            and greatest distance, and the median of that over the joint standard deviation,
+            which is None where nobody knew the wind).
             What the simulation's look-ahead came to, and from when on the end mass would be within
             5 % of the tow radius of where it settles for good [s], None where it would not be;
             about which place that is, east and north of the circle's centre and below it, and how
@@ -294,7 +295,7 @@ class Summary:
         settled = [i for i in here if self._apart_settled[i]]
         moments = settled or here
         apart = [self._apart[i] for i in moments]
-        stated = [self._apart_stated[i] for i in moments]
+        stated = [self._apart_stated[i] for i in moments if isfinite(self._apart_stated[i])]
         return {
             "simulated_settled": bool(settled) if moments else None,
             "simulated_moments": len(apart),
@@ -415,14 +416,17 @@ def _apart(prediction: Prediction) -> tuple[float, float, bool]:
     """Distance of simulated and predicted end mass [m], over their stated errors, both settled.
 
     Over the errors it is about 1 where they are what they are stated to be: the root mean square
-    along the axes of the joint covariance, as if the two had none of their errors in common.
+    along the axes of the joint covariance, as if the two had none of their errors in common. It is
+    nan where nobody knows the wind: that moves both alike, and is most of what is stated of both.
     """
     simulated, end_mass = prediction.simulated, prediction.end_mass
     if simulated is None or simulated.state is TwinState.WAITING or not end_mass.holds:
         return nan, nan, False
     apart = simulated.position - end_mass.position
-    known = simulated.covariance[:3, :3] + end_mass.covariance[:3, :3]
-    stated = sqrt(apart @ np.linalg.solve(known, apart) / 3.0)
+    stated = nan
+    if prediction.wind is not None:
+        known = simulated.covariance[:3, :3] + end_mass.covariance[:3, :3]
+        stated = sqrt(apart @ np.linalg.solve(known, apart) / 3.0)
     return float(np.linalg.norm(apart)), stated, simulated.valid and end_mass.settled
 
 

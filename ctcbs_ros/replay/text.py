@@ -210,12 +210,17 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
                 f"Simulated beside predicted end mass on orbit {number}, {settled}: "
                 f"{orbit['simulated_apart_m']:.1f} m apart, "
                 f"{orbit['simulated_apart_greatest_m']:.1f} m at most, at "
-                f"{_counted(orbit['simulated_moments'], 'moment')}; about "
-                f"{orbit['simulated_apart_m'] / max(orbit['simulated_apart_std'], 1e-9):.1f} m "
-                "are to be expected of their stated errors"
+                f"{_counted(orbit['simulated_moments'], 'moment')}; {_expected_apart(orbit)}"
             )
         if orbit["ahead_ending"] is not None:
             yield f"The simulation looks ahead, on orbit {number}: {_ahead(orbit)}"
+
+
+def _expected_apart(orbit: dict[str, Any]) -> str:
+    if orbit["simulated_apart_std"] is None:
+        return "a wind that nobody knows moves both alike"
+    expected = orbit["simulated_apart_m"] / max(orbit["simulated_apart_std"], 1e-9)
+    return f"about {expected:.1f} m are to be expected of their stated errors"
 
 
 def _ahead(orbit: dict[str, Any]) -> str:
