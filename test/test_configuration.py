@@ -116,7 +116,7 @@ def test_shipped_configuration_is_found_by_its_bare_name(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     assert find_configuration("small_drone").samefile(CONFIG / "small_drone.yaml")
     assert find_configuration("small_drone.yaml").samefile(CONFIG / "small_drone.yaml")
-    with pytest.raises(InputError, match="nope: no such file.*: design_example, small_drone"):
+    with pytest.raises(InputError, match=r"nope: no such file.*: design_example, small_drone"):
         find_configuration("nope")
     assert find_configuration("there/small_drone.yaml") == Path("there/small_drone.yaml")
 

@@ -56,5 +56,7 @@ def vector(text: str, flag: str) -> np.ndarray | None:
     except ValueError:
         return None
     if given.size not in (2, 3) or not np.all(np.isfinite(given)):
-        raise InputError(f"{flag} {text}: two or three numbers are needed, X,Y[,Z], none nan or inf")
+        raise InputError(
+            f"{flag} {text}: two or three numbers are needed, X,Y[,Z], none of them nan or inf"
+        )
     return np.concatenate([given, np.zeros(3 - given.size)])
