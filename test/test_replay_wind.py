@@ -1,5 +1,6 @@
 """Replays of a flight in wind: where summary and pictures have the end mass then."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from ctcbs_ros import plots
 from ctcbs_ros.configuration import SetWind, load_configuration
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import prediction_record
+from ctcbs_ros.replay.moments import Moments
 from ctcbs_ros.replay.motion_kind import IN_WIND
 from ctcbs_ros.replay.summary import Summary
 from ctcbs_ros.replay.tables import (
@@ -93,3 +95,49 @@ def test_pictures_set_apart_what_does_not_hold_and_what_holds_without_wind(windy
         (guessed,) = [line for label, line in shown.items() if "without wind" in label]
         assert np.isfinite(guessed.get_ydata()).sum() == len(table["time_s"]) - half
         assert not [line for line in shown.values() if line.get_color() == plots.MASS]
+
+
+def spread_over(hours, windy):
+    """The valid predictions of the flight again and again, one in 5 s."""
+    valid = [prediction for prediction in windy[0] if prediction.valid]
+    times = np.arange(0.0, 3600.0 * hours, 5.0)
+    return [replace(valid[i % len(valid)], time=time) for i, time in enumerate(times)]
+
+
+def test_a_flight_longer_than_the_memory_is_remembered_as_a_whole(windy):
+    moments, flown = Moments(most=64), spread_over(2.0, windy)
+    for prediction in flown:
+        moments.add(prediction)
+    kept = moments.all
+    assert 32 <= len(kept) <= 64
+    assert kept["count"].sum() == len(flown)
+    assert kept["not_modelled"].sum() == sum(not p.pose_holds for p in flown)
+    assert np.all(np.diff(kept["time"]) > 0.0)
+    assert kept["time"][0] < 120.0
+    assert flown[-1].time - kept["time"][-1] < 240.0
+    # of 720 ten seconds, 16 in turn share one, and of those that which knows most
+    most = max(kept["worth"])
+    assert np.mean(kept["worth"] == most) > 0.9
+    assert len(moments.between(kept["time"][3], kept["time"][5])) == 3
+
+
+def test_what_is_remembered_takes_no_memory_that_it_had_not_at_first(windy):
+    moments, flown = Moments(), spread_over(1.0, windy)
+    moments.add(flown[0])
+    tracemalloc.start()
+    for prediction in flown[1:]:
+        moments.add(prediction)
+    grown, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(moments.all) == pytest.approx(360, abs=2)
+    assert grown < 2000
+
+
+def test_what_came_after_a_time_stamp_that_was_wrong_is_forgotten(windy):
+    moments, flown = Moments(), spread_over(0.1, windy)
+    for prediction in flown:
+        moments.add(prediction)
+    moments.forget_after(100.0)
+    assert moments.all["time"][-1] <= 100.0
+    moments.add(replace(flown[-1], time=101.0))
+    assert moments.all["time"][-1] == 101.0

@@ -1,10 +1,7 @@
 """What a flight came to: counts of samples, skips and warnings, and the orbits that were flown."""
 
-from array import array
-from bisect import bisect_left, bisect_right
 from dataclasses import asdict
-from math import inf, isfinite, nan, sqrt
-from statistics import median
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -12,33 +9,25 @@ import numpy as np
 from ctcbs_ros.beacon.tally import BeaconTally
 from ctcbs_ros.geodesy import to_geodetic
 from ctcbs_ros.orbit.segments import OrbitSegment, OrbitSegments
-from ctcbs_ros.orbit.wind import WindSource
 from ctcbs_ros.prediction.prediction import EndMassState, Margin, MarginOf, Prediction
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import finite, sense_name
 from ctcbs_ros.prediction.tally import Tally
 from ctcbs_ros.prediction.wind_choice import REJECTED
-from ctcbs_ros.replay.motion_kind import IN_WIND, KINDS, motion_kind
+from ctcbs_ros.replay.moments import (
+    AHEAD,
+    ENDINGS,
+    LOOP_POINTS,
+    MARGINS_OF,
+    MOTION,
+    SOURCES,
+    Moments,
+)  # fmt: skip
+from ctcbs_ros.replay.motion_kind import IN_WIND, KINDS
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.source import LogSource
-from ctcbs_ros.twin.look_ahead import Ending
-from ctcbs_ros.twin.simulated import Simulated, TwinState
+from ctcbs_ros.twin.simulated import Simulated
 
-# Seconds between the end masses remembered for the orbits; a day's flight then takes 2 MB.
-REMEMBERED_EVERY = 10.0
-_SOURCES = tuple(WindSource)
-_MARGINS_OF = tuple(MarginOf)
-_ENDINGS = tuple(Ending)
-# Where a look-ahead ends: about which place, from the circle's centre, and how far around it [m].
-_AHEAD = ("ahead_east_m", "ahead_north_m", "ahead_depth_m", "ahead_radius_m")
-# Of the end mass's motion in wind, about the circle's centre.
-_MOTION = (
-    "end_mass_east_m", "end_mass_north_m", "end_mass_downwind_m", "end_mass_crosswind_m",
-    "end_mass_horizontal_std_m", "end_mass_excursion_m", "end_mass_least_depth_m",
-    "end_mass_greatest_depth_m", "end_mass_lowest_above_home_m",
-)  # fmt: skip
-# Its loop is remembered by so many points, in steps of so much [m] and no more of them.
-_LOOP_POINTS, _LOOP_STEP, _FARTHEST = 12, 0.1, 32_000
 _LOOP_TOLD = 24  # points of a loop in the summary; those between are of its harmonics up to 5
 
 
@@ -60,27 +49,7 @@ class Summary:
         # The autopilot's wind where the flight shows another: samples, and the newest in words.
         self._winds_rejected, self._wind_rejected = 0, ""
         self._flights: set[int] = set()
-        # End masses of the flight, thinned: time, radius of the end mass, density of the air.
-        self._times, self._radii, self._densities = array("d"), array("f"), array("f")
-        # Wind of each: speed, where from [deg], nan where not known; its source by number, or -1.
-        self._winds, self._directions, self._sources = array("f"), array("f"), array("b")
-        self._wind_sigmas = array("f")
-        # Predictions from each on to the next, and those of them in a wind that is not modelled.
-        self._counts, self._not_modelled = array("i"), array("i")
-        # What each is of (`KINDS`); its motion in the wind (`_MOTION`), nan where there is none,
-        # with its loop seen from above: east and north of the circle's centre.
-        self._kinds, self._motions, self._loops = array("b"), array("f"), array("h")
-        # How fast a disturbance decays [1/s], nan where not known; in what, by number.
-        self._margins, self._margins_of = array("f"), array("b")
-        self._settled = array("b")  # whether it counts as settled
-        # Distance of the simulated end mass from the predicted one, that over what is stated of
-        # both, and whether both are settled; nan where either is not known.
-        self._apart, self._apart_stated, self._apart_settled = array("f"), array("f"), array("b")
-        # What the look-ahead comes to, by number, or -1; when it settles, nan where it does not.
-        self._endings, self._settles_at = array("b"), array("d")
-        self._places_ahead = array("f")  # `_AHEAD`
-        # The newest may give way to one that knows more, until the next is due.
-        self._newest_worth, self._next_due = inf, -inf
+        self._moments = Moments()
         self._twin: Simulated | None = None
 
     def add(self, prediction: Prediction) -> None:
@@ -91,71 +60,14 @@ class Summary:
         if self._first_time is None:
             self._first_time, self._first_stamp = prediction.time, prediction.stamp_ns
         self._flights.add(prediction.flight)
-        while self._times and self._times[-1] > prediction.time:  # of time stamps that were wrong
-            self._forget_newest()
-            self._newest_worth, self._next_due = inf, -inf
+        self._moments.forget_after(prediction.time)
         self._segments.add(prediction.time, prediction.orbit, prediction.tow_point)
         if prediction.wind is not None and REJECTED in prediction.wind.note:
             self._winds_rejected += 1
             self._wind_rejected = prediction.wind.note.partition(REJECTED)[2]
         self._twin = prediction.simulated or self._twin
         if prediction.valid:
-            self._take(prediction)
-
-    def _take(self, prediction: Prediction) -> None:
-        """Remember a valid prediction, in the place of the newest if it knows more than that."""
-        kind = motion_kind(prediction)
-        worth = _worth(prediction, kind)
-        if not self._times or prediction.time >= self._next_due:
-            self._remember(prediction, kind, (0, 0))
-            self._newest_worth, self._next_due = worth, prediction.time + REMEMBERED_EVERY
-        elif worth > self._newest_worth:
-            counts = self._counts[-1], self._not_modelled[-1]
-            self._forget_newest()
-            self._remember(prediction, kind, counts)
-            self._newest_worth = worth
-        self._counts[-1] += 1
-        self._not_modelled[-1] += not prediction.pose_holds
-
-    def _forget_newest(self) -> None:
-        for remembered in (
-            self._times, self._radii, self._densities,
-            self._winds, self._wind_sigmas, self._directions, self._sources, self._apart,
-            self._kinds,
-            self._counts, self._not_modelled, self._apart_stated, self._apart_settled,
-            self._margins, self._margins_of, self._settled, self._endings, self._settles_at,
-        ):  # fmt: skip
-            remembered.pop()
-        del self._motions[-len(_MOTION) :]
-        del self._places_ahead[-len(_AHEAD) :]
-        del self._loops[-2 * _LOOP_POINTS :]
-
-    def _remember(self, prediction: Prediction, kind: str, counts: tuple[int, int]) -> None:
-        self._times.append(prediction.time)
-        self._radii.append(prediction.end_mass.state.radius)
-        self._densities.append(prediction.air_density)
-        wind = prediction.wind
-        self._winds.append(nan if wind is None else wind.speed)
-        self._wind_sigmas.append(nan if wind is None else wind.sigma)
-        told = wind is not None and wind.speed > wind.sigma
-        self._directions.append(wind.from_direction if told else nan)
-        self._sources.append(-1 if wind is None else _SOURCES.index(wind.source))
-        self._kinds.append(KINDS.index(kind))
-        self._motions.extend(_motion(prediction, kind))
-        self._loops.extend(_loop(prediction, kind))
-        self._margins.append(prediction.end_mass.margin.per_second)
-        self._margins_of.append(_MARGINS_OF.index(prediction.end_mass.margin.of))
-        self._settled.append(prediction.end_mass.settled)
-        apart, stated, settled = _apart(prediction)
-        self._apart.append(apart)
-        self._apart_stated.append(stated)
-        self._apart_settled.append(settled)
-        ahead = prediction.simulated and prediction.simulated.settling
-        self._endings.append(-1 if ahead is None else _ENDINGS.index(ahead.ending))
-        self._settles_at.append(nan if ahead is None else ahead.settles_at)
-        self._places_ahead.extend(_place_ahead(prediction))
-        self._counts.append(counts[0])
-        self._not_modelled.append(counts[1])
+            self._moments.add(prediction)
 
     def finish(self) -> dict[str, Any]:
         """The summary, ready for JSON.
@@ -173,7 +85,8 @@ class Summary:
             and end in seconds, turns, radius, speed, sense, centre, and the
             end mass's radius, depth, margin and settling time, which are None where no state was
             found or none settles, and the wind at its end, None where nobody knew.
-            settled_at_s is when the end mass first counted as settled there, to 10 s, or None.
+            settled_at_s is when the end mass first counted as settled there, to 10 s (of a flight
+            of more than a day to 20 s, and so on), or None.
             Radius and depth are always those of still air, margin and settling time those that
             margin_of says: "still air", or the newest of "wind", or else "not known" in it, then
             they are None.
@@ -209,7 +122,7 @@ class Summary:
         orbits = [self._orbit(segment) for segment in segments]
         elsewhere = sum(
             count
-            for time, count in zip(self._times, self._counts, strict=True)
+            for time, count in self._moments.all[["time", "count"]].tolist()
             if not any(one.start_time <= time <= one.end_time for one in segments)
         )
         losses = None
@@ -228,19 +141,17 @@ class Summary:
         }  # fmt: skip
 
     def _orbit(self, segment: OrbitSegment) -> dict[str, Any]:
+        here = self._moments.between(segment.start_time, segment.end_time)
+        settled = here["time"][here["settled"]]
         state = None
-        first = bisect_left(self._times, segment.start_time)
-        last = bisect_right(self._times, segment.end_time) - 1
         wind = dict.fromkeys(("wind_speed_m_s", "wind_std_m_s", "wind_from_deg", "wind_source"))
-        motion = dict.fromkeys(("end_mass_motion", "wind_unmodelled_share", *_MOTION))
+        motion = dict.fromkeys(("end_mass_motion", "wind_unmodelled_share", *MOTION))
         motion["end_mass_loop_m"] = None
-        if last >= first:
-            wind, motion = self._wind(last), self._motion(first, last)
+        if len(here):
+            newest = here[-1]
+            wind, motion = _wind(newest), _motion(here)
             state = self._predictor.state_at(
-                segment.radius,
-                segment.speed,
-                self._densities[last],
-                self._radii[last],
+                segment.radius, segment.speed, float(newest["density"]), float(newest["radius"])
             )
         return {
             "start_s": segment.start_time - self._first_time,
@@ -252,104 +163,31 @@ class Summary:
             "center": self._latitude_longitude(segment),
             "end_mass_radius_m": finite(state.radius) if state else None,
             "end_mass_depth_m": finite(state.depth) if state else None,
-            **self._margin(state, first, last),
+            **_margin(state, here),
+            "settled_at_s": self._seconds(settled[0]) if len(settled) else None,
             **wind,
             **motion,
-            **self._agreement(first, last),
-            **self._ahead(first, last),
+            **_agreement(here),
+            **self._ahead(here),
         }
 
-    def _margin(self, state: EndMassState | None, first: int, last: int) -> dict[str, Any]:
-        """That of the state in still air, or the newest in wind between two end masses."""
-        margin = Margin(MarginOf.NOT_KNOWN)
-        if state is not None and last >= first:
-            margin = Margin(MarginOf.STILL_AIR, per_second=state.margin_per_s)
-            newest = _MARGINS_OF[self._margins_of[last]]
-            for number in range(last, first - 1, -1):
-                if newest is MarginOf.STILL_AIR:
-                    break
-                margin = Margin(
-                    _MARGINS_OF[self._margins_of[number]], per_second=self._margins[number]
-                )
-                if margin.of is MarginOf.WIND:
-                    break
-            else:
-                margin = Margin(newest)
-        return {
-            "margin_of": margin.of.value,
-            "margin_per_s": finite(margin.per_second),
-            "settling_time_s": finite(margin.settling_time),
-            "settled_at_s": self._settled_at(first, last),
-        }
+    def _seconds(self, time: float) -> float | None:
+        """A time since the flight began [s]; None of nan."""
+        return finite(float(time) - self._first_time)
 
-    def _settled_at(self, first: int, last: int) -> float | None:
-        """From when on the end mass counted as settled on an orbit; None where it never did."""
-        for number in range(first, last + 1):
-            if self._settled[number]:
-                return self._times[number] - self._first_time
-        return None
-
-    def _agreement(self, first: int, last: int) -> dict[str, Any]:
-        """How far apart simulated and predicted end mass were on an orbit."""
-        here = [i for i in range(first, last + 1) if isfinite(self._apart[i])]
-        settled = [i for i in here if self._apart_settled[i]]
-        moments = settled or here
-        apart = [self._apart[i] for i in moments]
-        stated = [self._apart_stated[i] for i in moments if isfinite(self._apart_stated[i])]
-        return {
-            "simulated_settled": bool(settled) if moments else None,
-            "simulated_moments": len(apart),
-            "simulated_apart_m": median(apart) if apart else None,
-            "simulated_apart_greatest_m": max(apart) if apart else None,
-            "simulated_apart_std": median(stated) if stated else None,
-        }
-
-    def _ahead(self, first: int, last: int) -> dict[str, Any]:
+    def _ahead(self, here: np.ndarray) -> dict[str, Any]:
         """What the simulation looked ahead to on an orbit: the newest while that lay ahead."""
-        told = [i for i in range(first, last + 1) if self._endings[i] >= 0]
-        before = [i for i in told if self._settles_at[i] > self._times[i]]
-        if not told:
-            return dict.fromkeys(("ahead_ending", "ahead_settles_at_s", *_AHEAD))
-        # Once it has settled what is told is that it has.
+        told = here[here["ending"] >= 0]
+        if not len(told):
+            return dict.fromkeys(("ahead_ending", "ahead_settles_at_s", *AHEAD))
         newest = told[-1]
-        if isfinite(self._settles_at[newest]):
-            newest = before[-1] if before else told[0]
-        place = self._places_ahead[newest * len(_AHEAD) : (newest + 1) * len(_AHEAD)]
+        if isfinite(newest["settles_at"]):  # once it has settled what is told is that it has
+            before = told[told["settles_at"] > told["time"]]
+            newest = before[-1] if len(before) else told[0]
         return {
-            "ahead_ending": _ENDINGS[self._endings[newest]].value,
-            "ahead_settles_at_s": finite(self._settles_at[newest] - self._first_time),
-            **{name: finite(value) for name, value in zip(_AHEAD, place, strict=True)},
-        }
-
-    def _motion(self, first: int, last: int) -> dict[str, Any]:
-        """What the end masses between two remembered ones are of, and the newest in wind."""
-        orbit = slice(first, last + 1)
-        kinds = [KINDS[kind] for kind in self._kinds[orbit]]
-        found = {
-            "end_mass_motion": kinds[-1],
-            "wind_unmodelled_share": sum(self._not_modelled[orbit]) / sum(self._counts[orbit]),
-        }
-        if IN_WIND not in kinds:
-            return found | dict.fromkeys((*_MOTION, "end_mass_loop_m"))
-        newest = last - kinds[::-1].index(IN_WIND)
-        size, points = len(_MOTION), 2 * _LOOP_POINTS
-        motion = self._motions[newest * size : (newest + 1) * size]
-        loop = _LOOP_STEP * np.array(self._loops[newest * points : (newest + 1) * points])
-        return {
-            **found,
-            "end_mass_motion": IN_WIND,
-            **{name: finite(value) for name, value in zip(_MOTION, motion, strict=True)},
-            "end_mass_loop_m": _between(loop.reshape(-1, 2)).round(2).tolist(),
-        }
-
-    def _wind(self, number: int) -> dict[str, Any]:
-        """The wind believed at the newest end mass of an orbit."""
-        source = self._sources[number]
-        return {
-            "wind_speed_m_s": finite(self._winds[number]),
-            "wind_std_m_s": finite(self._wind_sigmas[number]),
-            "wind_from_deg": finite(self._directions[number]),
-            "wind_source": None if source < 0 else _SOURCES[source].value,
+            "ahead_ending": ENDINGS[newest["ending"]].value,
+            "ahead_settles_at_s": self._seconds(newest["settles_at"]),
+            **_named(AHEAD, newest["ahead"]),
         }
 
     def _latitude_longitude(self, segment: OrbitSegment) -> list[float] | None:
@@ -361,73 +199,82 @@ class Summary:
         return center if all(isfinite(value) for value in center) else None
 
 
-def _worth(prediction: Prediction, kind: str) -> float:
-    """By which of two predictions some seconds apart the one that knows more is told."""
-    end_mass = prediction.end_mass
-    return 4.0 * (kind == IN_WIND) + 2.0 * end_mass.margin.known + 1.0 * end_mass.settled
+def _margin(state: EndMassState | None, here: np.ndarray) -> dict[str, Any]:
+    """That of the state in still air, or the newest in wind of some moments."""
+    margin = Margin(MarginOf.NOT_KNOWN)
+    if state is not None and len(here):
+        margin = _in_wind(here)
+        if margin.of is MarginOf.STILL_AIR:
+            margin = Margin(MarginOf.STILL_AIR, per_second=state.margin_per_s)
+    return {
+        "margin_of": margin.of.value,
+        "margin_per_s": finite(margin.per_second),
+        "settling_time_s": finite(margin.settling_time),
+    }
 
 
-def _motion(prediction: Prediction, kind: str) -> tuple[float, ...]:
-    """The numbers of `_MOTION`."""
-    if kind != IN_WIND:
-        return (nan,) * len(_MOTION)
-    end_mass, wind, center = prediction.end_mass, prediction.wind, prediction.orbit.center
-    east, north, _ = end_mass.circle_center - center
-    off = complex(nan, nan)
-    if wind.speed > wind.sigma:
-        off = complex(east, north) / complex(*wind.velocity) * wind.speed
-    spread = sqrt(np.linalg.eigvalsh(end_mass.covariance[:2, :2])[-1])
-    depth = center[2] - end_mass.circle()[:, 2]
-    return (
-        east, north, off.real, off.imag, spread, end_mass.excursion, depth.min(), depth.max(),
-        end_mass.lowest_height_above_home,
-    )  # fmt: skip
+def _in_wind(here: np.ndarray) -> Margin:
+    """The newest margin in wind, but for what it is of where that is still air or none is."""
+    newest = MARGINS_OF[here["margin_of"][-1]]
+    in_wind = here[here["margin_of"] == MARGINS_OF.index(MarginOf.WIND)]
+    if newest is MarginOf.STILL_AIR or not len(in_wind):
+        return Margin(newest)
+    return Margin(MarginOf.WIND, per_second=float(in_wind["margin"][-1]))
 
 
-def _place_ahead(prediction: Prediction) -> tuple[float, ...]:
-    """The numbers of `_AHEAD`; nan without a look-ahead."""
-    simulated, orbit = prediction.simulated, prediction.orbit
-    ahead = None if simulated is None else simulated.settling
-    if ahead is None:
-        return (nan,) * len(_AHEAD)
-    # The centre as it will be, where it drifts or climbs.
-    at = ahead.settles_at if isfinite(ahead.settles_at) else ahead.begun
-    moved = (at - orbit.time) * np.array([*orbit.drift, orbit.climb_rate])
-    east, north, up = ahead.mean - orbit.center - moved
-    return east, north, -up, ahead.radius
+def _agreement(here: np.ndarray) -> dict[str, Any]:
+    """How far apart simulated and predicted end mass were."""
+    known = here[np.isfinite(here["apart"])]
+    settled = known[known["apart_settled"]]
+    moments = settled if len(settled) else known
+    stated = moments["apart_stated"][np.isfinite(moments["apart_stated"])]
+    apart = moments["apart"]
+    return {
+        "simulated_settled": bool(len(settled)) if len(moments) else None,
+        "simulated_moments": len(moments),
+        "simulated_apart_m": float(np.median(apart)) if len(apart) else None,
+        "simulated_apart_greatest_m": float(apart.max()) if len(apart) else None,
+        "simulated_apart_std": float(np.median(stated)) if len(stated) else None,
+    }
 
 
-def _loop(prediction: Prediction, kind: str) -> list[int]:
-    """East and north of the circle's centre over a turn, in turn, in steps of `_LOOP_STEP`."""
-    if kind != IN_WIND:
-        return [0] * (2 * _LOOP_POINTS)
-    path = prediction.end_mass.circle()[:, :2] - prediction.orbit.center[:2]
-    steps = path[:: len(path) // _LOOP_POINTS].ravel() / _LOOP_STEP
-    return np.clip(np.nan_to_num(steps), -_FARTHEST, _FARTHEST).astype(int).tolist()
+def _motion(here: np.ndarray) -> dict[str, Any]:
+    """What the end masses of some moments are of, and the newest in wind."""
+    kinds = [KINDS[kind] for kind in here["kind"]]
+    found = {
+        "end_mass_motion": kinds[-1],
+        "wind_unmodelled_share": float(here["not_modelled"].sum() / here["count"].sum()),
+    }
+    if IN_WIND not in kinds:
+        return found | dict.fromkeys((*MOTION, "end_mass_loop_m"))
+    newest = here[len(kinds) - 1 - kinds[::-1].index(IN_WIND)]
+    return {
+        **found,
+        "end_mass_motion": IN_WIND,
+        **_named(MOTION, newest["motion"]),
+        "end_mass_loop_m": _between(newest["loop"]).round(2).tolist(),
+    }
+
+
+def _wind(newest: np.void) -> dict[str, Any]:
+    """The wind believed at a moment."""
+    source = newest["wind_source"]
+    return {
+        "wind_speed_m_s": finite(float(newest["wind_speed"])),
+        "wind_std_m_s": finite(float(newest["wind_sigma"])),
+        "wind_from_deg": finite(float(newest["wind_from"])),
+        "wind_source": None if source < 0 else SOURCES[source].value,
+    }
+
+
+def _named(names: tuple[str, ...], values: np.ndarray) -> dict[str, float | None]:
+    return {name: finite(float(value)) for name, value in zip(names, values, strict=True)}
 
 
 def _between(loop: np.ndarray) -> np.ndarray:
-    """(`_LOOP_TOLD`, 2) points of a loop from (`_LOOP_POINTS`, 2), by its harmonics."""
-    harmonics = np.fft.rfft(loop, axis=0)[: _LOOP_POINTS // 2]
-    return np.fft.irfft(harmonics, _LOOP_TOLD, axis=0) * (_LOOP_TOLD / _LOOP_POINTS)
-
-
-def _apart(prediction: Prediction) -> tuple[float, float, bool]:
-    """Distance of simulated and predicted end mass [m], over their stated errors, both settled.
-
-    Over the errors it is about 1 where they are what they are stated to be: the root mean square
-    along the axes of the joint covariance, as if the two had none of their errors in common. It is
-    nan where nobody knows the wind: that moves both alike, and is most of what is stated of both.
-    """
-    simulated, end_mass = prediction.simulated, prediction.end_mass
-    if simulated is None or simulated.state is TwinState.WAITING or not end_mass.holds:
-        return nan, nan, False
-    apart = simulated.position - end_mass.position
-    stated = nan
-    if prediction.wind is not None:
-        known = simulated.covariance[:3, :3] + end_mass.covariance[:3, :3]
-        stated = sqrt(apart @ np.linalg.solve(known, apart) / 3.0)
-    return float(np.linalg.norm(apart)), stated, simulated.valid and end_mass.settled
+    """(`_LOOP_TOLD`, 2) points of a loop from (`LOOP_POINTS`, 2), by its harmonics."""
+    harmonics = np.fft.rfft(loop, axis=0)[: LOOP_POINTS // 2]
+    return np.fft.irfft(harmonics, _LOOP_TOLD, axis=0) * (_LOOP_TOLD / LOOP_POINTS)
 
 
 def source_counts(source: LogSource | LiveSource) -> dict[str, Any]:
