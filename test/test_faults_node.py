@@ -71,6 +71,7 @@ def test_all_that_is_dropped_stands_in_diagnostics_and_summary(log, drone_table,
     for name in ("messages", "lost", "repeated", "bad_runs", "bad_bytes", "other_positions"):
         assert told[f"link.{name}"] == str(summary["link"][name])
     assert told["link.time_steps.reboot"] == "1"
+    assert told["link.other_systems.2"] == str(link["other_systems"]["2"])
 
 
 @pytest.mark.slow

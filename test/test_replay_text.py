@@ -157,6 +157,19 @@ def test_text_of_the_summary_counts_one_and_many(core_replay):
     assert "2 wraps of the vehicle's clock, 1 reboot\n" in text
 
 
+def test_text_of_the_summary_names_who_else_sent_positions(core_replay):
+    others = {"other_positions": 12, "other_systems": {"1": 2, "42": 10}}
+    summary = core_replay[1] | {"wall_s": 1.0, "link": core_replay[1]["link"] | others}
+    assert summary["vehicle"]["system"] == 1
+    told = "12 positions of other vehicles (system 1, 42"
+    hint = "; if it is the payload's beacon, set beacon.system_id: 42)\n"
+    assert told + hint in summary_text(summary)
+    of_itself = summary["link"] | {"other_positions": 2, "other_systems": {"1": 2}}
+    assert "2 positions of other vehicles (system 1)\n" in summary_text(
+        summary | {"link": of_itself}
+    )
+
+
 def test_text_of_the_summary_tells_where_and_when_the_look_ahead_has_it_settled(core_replay):
     (orbit,) = core_replay[1]["orbits"]
     at = orbit["ahead_settles_at_s"]

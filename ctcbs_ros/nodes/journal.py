@@ -112,7 +112,9 @@ class Journal:
             if now - newest > OVER or now < newest:
                 del self._standing[code]
                 if code not in EVENTS:
-                    self._logger.info(f"{code.value} is over, after {newest - first:.0f} s")
+                    stood = newest - first
+                    told = f"{stood:.0f} s" if stood >= 0.5 else "less than a second"
+                    self._logger.info(f"{code.value} is over, after {told}")
 
     def _follow_orbit(self, prediction: Prediction) -> None:
         if prediction.orbit is not None:

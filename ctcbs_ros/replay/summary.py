@@ -24,6 +24,7 @@ from ctcbs_ros.replay.moments import (
     Moments,
 )  # fmt: skip
 from ctcbs_ros.replay.motion_kind import IN_WIND, KINDS
+from ctcbs_ros.telemetry.link import LinkStatistics
 from ctcbs_ros.telemetry.live import LiveSource
 from ctcbs_ros.telemetry.source import LogSource
 from ctcbs_ros.twin.simulated import Simulated
@@ -289,6 +290,7 @@ def source_counts(source: LogSource | LiveSource) -> dict[str, Any]:
             "bad_runs": link.bad_runs,
             "bad_bytes": link.bad_bytes,
             "other_positions": link.other_positions,
+            "other_systems": _by_system(link),
             "time_steps": dict(link.time_steps),
         },
     }
@@ -312,5 +314,14 @@ def beacon_link(source: LogSource | LiveSource) -> dict[str, Any]:
     vehicle, link = source.beacon, source.beacon_link
     if link is None:
         return {"vehicle": None, "link": None}
-    counts = {"other_positions": link.other_positions, "time_steps": dict(link.time_steps)}
+    counts = {
+        "other_positions": link.other_positions,
+        "other_systems": _by_system(link),
+        "time_steps": dict(link.time_steps),
+    }
     return {"vehicle": vehicle and asdict(vehicle), "link": counts}
+
+
+def _by_system(link: LinkStatistics) -> dict[str, int]:
+    """Position messages not used, by the number of the MAVLink system that sent them."""
+    return {str(system): count for system, count in sorted(link.positions_of_others.items())}

@@ -130,7 +130,7 @@ def _link_lines(summary: dict[str, Any]) -> Iterator[str]:
         (link["lost"], "message", " lost"),
         (link["repeated"], "message", " received again"),
         (link["bad_bytes"], "damaged byte", f" in {_counted(link['bad_runs'], 'place')}"),
-        (link["other_positions"], "position", " of other vehicles"),
+        (link["other_positions"], "position", _of_others(summary)),
         (link["time_steps"].get("wrap"), "wrap", " of the vehicle's clock"),
         (link["time_steps"].get("reboot"), "reboot", ""),
         (link["time_steps"].get("jump"), "jump", " of the vehicle's clock"),
@@ -138,6 +138,17 @@ def _link_lines(summary: dict[str, Any]) -> Iterator[str]:
     told = [_counted(count, noun) + more for count, noun, more in facts if count]
     if told:
         yield f"Link: {_counted(link['messages'], 'message')}; " + ", ".join(told)
+
+
+def _of_others(summary: dict[str, Any]) -> str:
+    """Whose positions were not used; where one might be the payload's beacon, how to say so."""
+    systems = summary["link"]["other_systems"]
+    told = f" of other vehicles (system {', '.join(systems)}"
+    if summary["vehicle"] is not None:
+        others = [name for name in systems if int(name) != summary["vehicle"]["system"]]
+        if others and summary.get("beacon") is None:
+            told += f"; if it is the payload's beacon, set beacon.system_id: {others[0]}"
+    return f"{told})"
 
 
 def _counted(count: int, noun: str) -> str:

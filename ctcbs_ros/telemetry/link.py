@@ -31,8 +31,9 @@ class LinkStatistics:
     received, lost, repeated : Counter
         Messages received, lost and received again (by the sequence number), by (system,
         component). One that was overtaken is not lost.
-    other_positions : int
-        Position messages not used because another vehicle sent them, or before one was chosen.
+    positions_of_others : Counter
+        Position messages not used, by the system that sent them: another vehicle, or before one
+        was chosen.
     time_steps : Counter
         Steps of the vehicle's clock: "wrap" (made continuous), "reboot" and "jump" (each begins a
         new flight).
@@ -46,12 +47,17 @@ class LinkStatistics:
     received: Counter = field(default_factory=Counter)
     lost: Counter = field(default_factory=Counter)
     repeated: Counter = field(default_factory=Counter)
-    other_positions: int = 0
+    positions_of_others: Counter = field(default_factory=Counter)
     time_steps: Counter = field(default_factory=Counter)
     in_step: bool = True
     _last_sequence: dict = field(default_factory=dict, repr=False)
     # Of the newest sequence number and those before it, as bits from the lowest, which came.
     _came: Counter = field(default_factory=Counter, repr=False)
+
+    @property
+    def other_positions(self) -> int:
+        """Position messages not used, of all systems."""
+        return self.positions_of_others.total()
 
     def count_message(self) -> None:
         """One more message was decoded; bad bytes after it are a new run."""

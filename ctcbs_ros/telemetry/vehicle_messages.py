@@ -128,7 +128,8 @@ class VehicleDecoder:
         elif is_position and self.vehicle is None:
             self._choice.hear_position(source)
         if not self._choice.follows(source):
-            self.link.other_positions += is_position
+            if is_position:
+                self.link.positions_of_others[source[0]] += 1
             return None
         handler = self._handlers.get(kind)
         return handler(message, receive_us) if handler else None
