@@ -68,3 +68,13 @@ def test_summary_of_the_real_flight_has_the_end_mass_downwind_of_its_circle(repl
     # The circle is wide and slow, 1.3 turns in gusts: 45 m is what 7 m/s do to a steady one.
     assert 30.0 < orbit["end_mass_downwind_m"] < 75.0
     assert 5.0 < orbit["end_mass_horizontal_std_m"] < 40.0
+
+
+def test_on_the_real_flight_the_twin_is_where_the_motion_in_the_wind_is(replay_of):
+    # The wind told on the way there was the opposite one: what was flown in it is not kept.
+    records, _ = replay_of("plane_real_wind.tlog")
+    in_wind = [r for r in records if r.get("in_wind_source") and r["wind_source"] == "flight"]
+    assert len(in_wind) > 30
+    for record in in_wind:
+        assert record["simulated_begun_as"] == "periodic motion"
+        assert record["simulated_from_predicted_m"] < 0.3 * record["orbit_radius_m"]

@@ -318,3 +318,27 @@ def test_the_look_ahead_tells_a_large_oscillation_from_a_stable_state_that_is_mi
     assert np.isnan(found.settles_at)
     assert found.least_distance / RADIUS == pytest.approx(1.1, abs=0.2)
     assert found.greatest_distance / RADIUS == pytest.approx(2.8, abs=0.2)
+
+
+def test_a_wind_that_was_never_there_is_a_new_beginning_and_one_that_changes_is_not():
+    wind = np.array([3.5, -2.5])
+    flight = simulate_flight(RADIUS, SPEED, 5, wind=tuple(wind))
+    truth = offline(flight, tuple(wind))
+    # Told the other way round, until the turn shows it.
+    results = simulated(told(flight, (0.3, 0.1), -wind))
+    assert results[-1].losses == {Loss.OTHER_WIND: 1}
+    shown = next(i for i, result in enumerate(results) if result.losses)
+    assert not results[shown].valid
+    for result, there in zip(results[shown:], truth[shown:], strict=True):
+        if result.state is TwinState.WAITING:
+            continue
+        off = result.position - there
+        assert off @ np.linalg.solve(result.covariance[:3, :3], off) < 16.3  # chi^2 of 0.999
+    assert sum(result.valid for result in results[shown:]) > 0.5 * len(results[shown:])
+    last = np.flatnonzero(np.isfinite(flight.radius))[-1]
+    assert distance(results, truth)[last] < 0.1 * RADIUS
+    # Told as it is, and then half as strong by the same source.
+    samples = told(flight, (0.3, 0.1), wind)
+    middle = len(samples) // 2
+    changed = [replace(s, wind=(*(0.5 * wind), 0.0)) for s in samples[middle:]]
+    assert not simulated(samples[:middle] + changed)[-1].losses.get(Loss.OTHER_WIND)

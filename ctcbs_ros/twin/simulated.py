@@ -24,7 +24,7 @@ class Loss(Enum):
     GAP = "GAP"
     JUMP = "JUMP"
     CABLE_CHANGED = "CABLE_CHANGED"
-    WIND_FOUND = "WIND_FOUND"
+    OTHER_WIND = "OTHER_WIND"  # told for the first time, or by a better source
     NOT_FOLLOWED = "NOT_FOLLOWED"  # the integration failed
 
 

@@ -7,7 +7,7 @@ jump, another flight) it begins anew, and says so.
 """
 
 from collections import Counter
-from math import atan2, exp, inf, isfinite, isnan, nan, pi, sqrt
+from math import atan2, inf, isfinite, isnan, nan, pi, sqrt
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from ctcbs_ros.orbit.wind import Wind
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.twin.beginning import behind, on_orbit, settling_time_behind
+from ctcbs_ros.twin.flown_wind import FlownWind
 from ctcbs_ros.twin.followed import FollowedCable, off_winds
 from ctcbs_ros.twin.look_ahead import LookAhead, Settling
 from ctcbs_ros.twin.seen import Seen
@@ -40,10 +41,6 @@ _JUMP, _JUMP_SIGMA, _JUMP_PART = 20.0, 8.0, 0.3
 # Straight flight: a velocity that changes by less than this part of it for so long [s], at this
 # part of the envelope's lowest speed at least.
 _STRAIGHT, _STRAIGHT_TIME, _FLYING = 0.15, 5.0, 0.5
-# Time in which a change of the wind believed is taken over by two thirds [s].
-_WIND_TIME = 5.0
-# A wind told for the first time makes a new beginning if it is this part of the tow speed.
-_WIND_FELT = 0.05
 # Change of the length paid out that is reeled in the time to the next sample, over the length.
 _REELED = 0.02
 # Change of air density that makes another line.
@@ -79,8 +76,7 @@ class Twin:
         self._tow: TowPoint | None = None
         self._orbit: Orbit | None = None
         self._straight_since, self._straight_velocity = nan, np.zeros(2)
-        self._wind = np.zeros(3)
-        self._wind_covariance: np.ndarray | None = None
+        self._wind = FlownWind()
         self._stop()
 
     def _stop(self) -> None:
@@ -144,9 +140,9 @@ class Twin:
             _stated(sample.speed_accuracy, receiver.velocity_sigma),
         )
         position, velocity = seen.tow_point, sample.velocity
-        wind_before = self._wind
-        told = self._take_wind(sample.time, seen.wind)
+        wind_before = self._wind.velocity
         interval = sample.time - self._last_time
+        other_wind = seen.wind is not None and self._take_wind(seen.wind, interval)
         orbit = self._orbit if seen.orbit is not None else None
         longest = _COAST * 2.0 * pi / orbit.angular_rate if orbit else _COAST_STRAIGHT
         if self._tow is not None and interval > longest:
@@ -159,7 +155,8 @@ class Twin:
             return
         rate = orbit.angular_rate if orbit else 0.0
         path, missed, sigma = self._tow.add(
-            interval, position, velocity, *sigmas, rate, self._wind if orbit else np.zeros(3)
+            interval, position, velocity, *sigmas, rate,
+            self._wind.velocity if orbit else np.zeros(3),
         )
         flown = interval * float(np.linalg.norm(self._tow.velocity))
         if missed > max(_JUMP, _JUMP_SIGMA * sigma, _JUMP_PART * flown):
@@ -167,8 +164,8 @@ class Twin:
             self._tow = None
             return
         self._note_straight_flight(sample.time)
-        if self._followed is not None and told and self._felt():
-            self._lose(Loss.WIND_FOUND)
+        if other_wind:
+            self._lose(Loss.OTHER_WIND)
         if self._may_begin_better(seen):
             self._stop()
         if self._followed is None:
@@ -206,23 +203,9 @@ class Twin:
         self._line_density = density
         return True
 
-    def _take_wind(self, time: float, wind: Wind | None) -> bool:
-        """Take over the wind believed; whether it is the first one."""
-        if wind is None:
-            return False
-        told = np.append(wind.velocity, 0.0)
-        first = self._wind_covariance is None
-        self._wind_covariance = wind.covariance
-        if first or self._followed is None:
-            self._wind = told
-        else:
-            part = 1.0 - exp(-(time - self._last_time) / _WIND_TIME)
-            self._wind = self._wind + part * (told - self._wind)
-        return first
-
-    def _felt(self) -> bool:
-        speed = float(np.linalg.norm(self._tow.velocity))
-        return float(np.linalg.norm(self._wind)) > _WIND_FELT * speed
+    def _take_wind(self, wind: Wind, interval: float) -> bool:
+        speed = 0.0 if self._tow is None else float(np.linalg.norm(self._tow.velocity))
+        return self._wind.take(wind, interval, speed, at_once=self._followed is None)
 
     def _note_straight_flight(self, time: float) -> None:
         velocity = self._tow.velocity[:2]
@@ -239,7 +222,7 @@ class Twin:
 
     def _begin(self, seen: Seen) -> None:
         time, orbit, tow = seen.sample.time, seen.orbit, self._tow
-        errors, off_wind = np.zeros((4, 4)), []
+        errors, off_wind, wind = np.zeros((4, 4)), [], self._wind.velocity
         if orbit is not None and isfinite(seen.end_mass_radius):
             if seen.searching and seen.motion is None:
                 return
@@ -248,7 +231,7 @@ class Twin:
                 self._cable_length, self._end_mass,
             )  # fmt: skip
             begun = on_orbit(
-                orbit, point, seen.end_mass_radius, self._wind[:2], seen.at_airspeed,
+                orbit, point, seen.end_mass_radius, wind[:2], seen.at_airspeed,
                 seen.motion, self._segments,
             )  # fmt: skip
             if begun is None:
@@ -259,14 +242,14 @@ class Twin:
             valid_from = inf if isnan(seen.settling_time) else time + seen.settling_time
         elif orbit is None and time - self._straight_since >= _STRAIGHT_TIME:
             given = self._line, self._segments, tow.position, tow.velocity
-            cable = behind(*given, self._wind)
+            cable = behind(*given, wind)
             if cable is None:
                 return
-            if self._wind_covariance is not None:
-                off = off_winds(self._wind_covariance)
-                off_wind = [behind(*given, self._wind + o) or cable.copy() for o in off]
+            if self._wind.known:
+                off = off_winds(self._wind.covariance)
+                off_wind = [behind(*given, wind + o) or cable.copy() for o in off]
             self._begun_as = "straight flight"
-            valid_from = time + settling_time_behind(self._line, cable, self._wind)
+            valid_from = time + settling_time_behind(self._line, cable, wind)
         else:
             return
         self._followed = FollowedCable(
@@ -279,7 +262,7 @@ class Twin:
     def _advance(self, path, wind_before, line_before) -> bool:
         length = self._cable_length if line_before is None else line_before.length
         return self._followed.advance(
-            self._line, path, wind_before, self._wind, self._wind_covariance, length,
+            self._line, path, wind_before, self._wind.velocity, self._wind.covariance, length,
             axes_of(self._orbit, self._last_time),
         )  # fmt: skip
 
@@ -299,14 +282,15 @@ class Twin:
             self._ahead = self._settling = None
             return
         time = seen.sample.time
-        if self._ahead is not None and not self._ahead.is_of(orbit, self._wind):
+        if self._ahead is not None and not self._ahead.is_of(orbit, self._wind.velocity):
             self._ahead = self._settling = None
         if self._ahead is not None and self._ahead.ended and not self._is_due(time, orbit):
             return
         if self._ahead is None or self._ahead.ended:
             try:
                 self._ahead = LookAhead(
-                    time, self._followed.cable, orbit, self._line, self._wind, seen.at_airspeed
+                    time, self._followed.cable, orbit, self._line, self._wind.velocity,
+                    seen.at_airspeed,
                 )
             except InputError:
                 self._ahead = None
@@ -357,8 +341,8 @@ class Twin:
             covariance=self._covariance(sample),
             cable=nodes,
             tow_point=unknown if self._tow is None else self._tow.position,
-            wind=self._wind.copy(),
-            wind_known=self._wind_covariance is not None,
+            wind=self._wind.velocity.copy(),
+            wind_known=self._wind.known,
             settling=self._settling,
             losses=dict(self._losses),
         )
