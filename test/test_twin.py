@@ -342,3 +342,18 @@ def test_a_wind_that_was_never_there_is_a_new_beginning_and_one_that_changes_is_
     middle = len(samples) // 2
     changed = [replace(s, wind=(*(0.5 * wind), 0.0)) for s in samples[middle:]]
     assert not simulated(samples[:middle] + changed)[-1].losses.get(Loss.OTHER_WIND)
+
+
+@pytest.mark.parametrize("wind", [(3.0, -3.5), (-4.0, 1.0)])
+def test_a_wind_that_nobody_knows_yet_is_in_what_is_stated(wind):
+    flight = simulate_flight(RADIUS, SPEED, 2, wind=wind, rate=2.5)
+    truth = offline(flight, wind)
+    samples = [replace(s, airspeed=np.nan) for s in told(flight, (0.3, 0.1))]
+    results = simulated(samples)
+    unknown = [(r, x) for r, x in zip(results, truth, strict=True)
+               if r.state is not TwinState.WAITING and not r.wind_known]  # fmt: skip
+    assert len(unknown) > 20
+    for result, there in unknown:
+        off = result.position - there
+        assert off @ np.linalg.solve(result.covariance[:3, :3], off) < 16.3  # chi^2 of 0.999
+    assert max(np.linalg.norm(r.position - x) for r, x in unknown) > 10.0

@@ -285,6 +285,30 @@ def test_an_orbit_that_is_begun_anew_and_then_reaches_further_back_has_its_whole
     assert short != pytest.approx(long, abs=1e-3)
 
 
+@pytest.mark.parametrize("towards", [0.4, 3.5])
+def test_behind_a_wind_that_changes_the_lag_counts_as_an_error(towards):
+    kept, random = WindEstimator(), np.random.default_rng(5)
+    airspeed, radius = 20.0, 64.0
+    rate = airspeed / radius  # a turn in 20 s
+    rises = 0.1 * np.array([cos(towards), sin(towards)])  # 4 m/s in 40 s
+    inside, widened = {False: [], True: []}, []
+    for time in np.arange(0.0, 160.0, 0.2):
+        true = AIR + rises * np.clip(time - 80.0, 0.0, 40.0)
+        along = np.array([cos(rate * time), sin(rate * time)])
+        kept.add(time, true + airspeed * along + 0.3 * random.standard_normal(2), 0.3)
+        found = kept.estimate(orbit_at(time, radius, airspeed))
+        if found is None or time < 25.0:
+            continue
+        off = found.velocity - true
+        changes = 95.0 < time < 140.0  # and a turn more; half a turn shows that it does
+        inside[changes].append(off @ np.linalg.solve(found.covariance, off) < 5.99)
+        if time < 80.0:
+            widened.append(worst_sigma(found.covariance))
+    assert np.mean(inside[True]) > 0.85  # a mean of the turn, 1 m/s behind
+    assert np.mean(inside[False]) > 0.9
+    assert max(widened) < 1.3 * min(widened)
+
+
 def test_samples_without_a_velocity_tell_nothing_and_raise_nothing():
     kept = WindEstimator()
     for i in range(400):

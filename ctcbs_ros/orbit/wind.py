@@ -7,6 +7,7 @@ speed looks like still air to the first of the three, and a heading that is the 
 to the last: that there is no wind, only a measured airspeed shows.
 """
 
+from collections import deque
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import atan2, degrees, hypot, isfinite, log, nan, pi, radians, sqrt
@@ -25,6 +26,10 @@ from ctcbs_ros.kernels.wind import (
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.settings import OrbitSettings
 
+# Standard deviation of a wind along an axis where nobody knows it [m/s]. Wind speeds mostly have a
+# Rayleigh distribution, of mean 1.25 times that: over land, 80 m up, it is 4.5 m/s (Archer and
+# Jacobson, Evaluation of global wind power, J. Geophys. Res. 110, D12110, 2005), more higher up.
+CLIMATE = 4.0
 _TURN = 2.0 * pi
 # Huber's constant: 95 % efficiency for normal errors (Huber and Ronchetti, Robust Statistics), and
 # the mean weighted square of residuals that are normal.
@@ -44,6 +49,9 @@ _ALIKE = 1.25
 CONTRADICTION = -2.0 * log(1.0 - 0.999)
 # The same along one axis, as it is expected to be.
 _EXPECTED = 1.0
+# The same, of two winds of a turn, from which it is seen to have changed; estimates back that the
+# newest is held against, half a turn and a whole one.
+_CHANGED, _BACK = 6.0, (9, 17)
 
 
 class WindSource(Enum):
@@ -109,6 +117,9 @@ class FlightWind:
         "constant airspeed", "measured airspeed" or "heading".
     note : str
         Whether that could be tested, and what came out.
+    lasting : float
+        Standard deviation of the part of its error, along any axis, that is the same from turn to
+        turn [m/s].
     """
 
     time: float
@@ -118,6 +129,7 @@ class FlightWind:
     airspeed_sigma: float
     relation: str
     note: str = ""
+    lasting: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -187,6 +199,8 @@ class WindEstimator:
         """Forget all velocities."""
         self._first = self._end = 0
         self._latest: FlightWind | None = None
+        # As they came, of the newest turn, the oldest first.
+        self._estimates: deque[FlightWind] = deque(maxlen=round(1.0 / _ANEW) + 1)
         self._estimated_at = -np.inf
         # Least time between samples [s], so that at high rates a whole turn is kept.
         self._spacing = 0.0
@@ -194,6 +208,7 @@ class WindEstimator:
     def begin(self) -> None:
         """Another orbit is flown: what was estimated on the one before says nothing about it."""
         self._latest = None
+        self._estimates.clear()
         self._estimated_at = -np.inf
 
     def _forget(self, time: float) -> None:
@@ -274,8 +289,31 @@ class WindEstimator:
             self._estimated_at = orbit.time
             rows = self._rows[self._first : self._end]
             rows = rows[np.searchsorted(rows[:, _TIME], orbit.start_time) :]
-            self._latest = wind_of_turn(rows, turn, self._settings)
+            self._latest = self._widened(wind_of_turn(rows, turn, self._settings), turn)
         return self._latest
+
+    def _widened(self, found: FlightWind | None, turn: float) -> FlightWind | None:
+        """With its lag behind a wind that changes: a mean of a turn is half a turn behind."""
+        if found is None:
+            self._estimates.clear()
+            return None
+        self._estimates.append(found)
+        count = len(self._estimates)
+        lags = [_lag(self._estimates[-back], found, turn) for back in _BACK if back <= count]
+        lag = max(lags, key=np.linalg.norm, default=_STILL)
+        return replace(found, covariance=found.covariance + np.outer(lag, lag))
+
+
+def _lag(then: FlightWind, now: FlightWind, turn: float) -> np.ndarray:
+    """By how much a wind is behind, as far as its change since then is seen, (2,) [m/s]."""
+    change, part = now.velocity - then.velocity, (now.time - then.time) / turn
+    if not part > 0.0:
+        return _STILL
+    # What lasts is in both; the rest differs by as much as their turns do.
+    lasts = (now.lasting**2 + then.lasting**2) * np.eye(2)
+    errors = min(part, 1.0) * (now.covariance + then.covariance - lasts)
+    apart = change @ np.linalg.solve(errors, change)
+    return sqrt(max(0.0, 1.0 - _CHANGED / apart)) * 0.5 / part * change if apart > 0.0 else _STILL
 
 
 def wind_of_turn(
@@ -427,8 +465,8 @@ def _fit(
     covariance *= _HUBER_COST
     if turned(velocity, solution) < s.least_arc:
         return None
-    airspeed = mean_speed(velocity - solution[:2])
-    of_wind = covariance[:2, :2] + (once * airspeed) ** 2 * np.eye(2)
+    airspeed = mean_air = mean_speed(velocity - solution[:2])
+    of_wind = covariance[:2, :2] + (once * mean_air) ** 2 * np.eye(2)
     if not np.isfinite(of_wind).all():
         return None
     if relation == "constant airspeed":
@@ -436,8 +474,9 @@ def _fit(
     else:
         sigma = worst_sigma(of_wind)
     return FlightWind(
-        float(time[-1]), solution[:2].copy(), of_wind, airspeed, sigma, relation
-    )
+        float(time[-1]), solution[:2].copy(), of_wind, airspeed, sigma, relation,
+        lasting=once * mean_air,
+    )  # fmt: skip
 
 
 def _excess(residual, white, inverse, by_excess) -> float:

@@ -4,12 +4,11 @@ from math import hypot, inf, isfinite, nan
 
 from ctcbs_ros.configuration import Cable, Envelope, WarningLimits
 from ctcbs_ros.orbit.orbit import Orbit
-from ctcbs_ros.orbit.wind import Wind, WindSource
+from ctcbs_ros.orbit.wind import CLIMATE, Wind, WindSource
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump, Margin, MarginOf
 from ctcbs_ros.prediction.wind_choice import described
-from ctcbs_ros.prediction.wind_unknown import CLIMATE
 from ctcbs_ros.telemetry.skip_code import SkipCode
 
 GROUND_NOT_JUDGED = "nor are its stability and its height above the ground judged"

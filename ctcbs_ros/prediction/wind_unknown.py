@@ -12,7 +12,7 @@ import numpy as np
 
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.orbit.orbit import Orbit
-from ctcbs_ros.orbit.wind import Wind
+from ctcbs_ros.orbit.wind import CLIMATE, Wind
 from ctcbs_ros.periodic.fourier import resampled
 from ctcbs_ros.periodic.motion import PeriodicMotion
 from ctcbs_ros.periodic.newton import newton
@@ -22,10 +22,6 @@ from ctcbs_ros.solver.parameters import Parameters
 from ctcbs_ros.solver.steady_state import SteadyState
 from ctcbs_ros.twin.simulated_cable import elastic
 
-# Standard deviation of a wind along an axis where nobody knows it [m/s]. Wind speeds mostly have a
-# Rayleigh distribution, of mean 1.25 times that: over land, 80 m up, it is 4.5 m/s (Archer and
-# Jacobson, Evaluation of global wind power, J. Geophys. Res. 110, D12110, 2005), more higher up.
-CLIMATE = 4.0
 # Winds over the tow speed, one after the other, and the times of a turn that their motions are
 # solved at: orders 0 to 3. The last is about the climate's: drag is quadratic, and where the end
 # mass moves slowly in still air a tenth of the speed moves it twice as far in proportion.

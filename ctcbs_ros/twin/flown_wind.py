@@ -8,7 +8,7 @@ from math import exp
 
 import numpy as np
 
-from ctcbs_ros.orbit.wind import CONTRADICTION, Wind
+from ctcbs_ros.orbit.wind import CLIMATE, CONTRADICTION, Wind
 
 # Time in which a change of the wind believed is taken over by two thirds [s].
 _TAKEN_OVER = 5.0
@@ -35,9 +35,15 @@ class FlownWind:
         return self._believed is not None
 
     @property
-    def covariance(self) -> np.ndarray | None:
-        """Of the wind believed, (2, 2) [m^2/s^2]; None where none was told."""
-        return None if self._believed is None else self._believed.covariance
+    def covariance(self) -> np.ndarray:
+        """Of the wind flown in, (2, 2) [m^2/s^2]: what is not taken over yet counts as an error.
+
+        Where none was told, it is the climate's.
+        """
+        if self._believed is None:
+            return CLIMATE**2 * np.eye(2)
+        left = self._believed.velocity - self.velocity[:2]
+        return self._believed.covariance + np.outer(left, left)
 
     def take(self, wind: Wind, interval: float, tow_speed: float, at_once: bool) -> bool:
         """Take over the wind believed.

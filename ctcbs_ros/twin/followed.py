@@ -22,8 +22,8 @@ class FollowedCable:
     ----------
     cable : SimulatedCable
     off_wind : list of SimulatedCable
-        Those of winds a standard deviation off along each column of `root`; empty where none are
-        known to differ yet.
+        Those of winds a standard deviation off, see `off_winds`; empty where they do not differ
+        yet.
     since, valid_from : float
         When it was begun and when a small error of that has decayed to 5 % [s].
     errors : (4, 4) ndarray or None
@@ -53,7 +53,7 @@ class FollowedCable:
             cable.positions += by
 
     def advance(
-        self, line: Line, path: Pieces, wind_before, wind, wind_covariance: np.ndarray | None,
+        self, line: Line, path: Pieces, wind_before, wind, wind_covariance: np.ndarray,
         length_before: float, axes,
     ) -> bool:  # fmt: skip
         """Go on along the tow point's path; False where one of them cannot be followed.
@@ -64,20 +64,17 @@ class FollowedCable:
         path : Pieces
         wind_before, wind : (3,) ndarray
             At its beginning and its end [m/s].
-        wind_covariance : (2, 2) ndarray or None
-            None where nobody knows the wind.
+        wind_covariance : (2, 2) ndarray
+            [m^2/s^2]
         length_before : float
             Of the cable, at the beginning [m].
         axes : (7,) ndarray
             To step in.
         """
+        if not self._off_wind:
+            self._off_wind = [self.cable.copy() for _ in range(2)]
         cables = [(self.cable, np.zeros(3))]
-        if wind_covariance is None:
-            self._off_wind = []
-        else:
-            if not self._off_wind:
-                self._off_wind = [self.cable.copy() for _ in range(2)]
-            cables += zip(self._off_wind, off_winds(wind_covariance), strict=True)
+        cables += zip(self._off_wind, off_winds(wind_covariance), strict=True)
         return all(
             cable.advance(line, path, wind_before + off, wind + off, length_before, axes=axes)
             for cable, off in cables

@@ -245,9 +245,8 @@ class Twin:
             cable = behind(*given, wind)
             if cable is None:
                 return
-            if self._wind.known:
-                off = off_winds(self._wind.covariance)
-                off_wind = [behind(*given, wind + o) or cable.copy() for o in off]
+            off = off_winds(self._wind.covariance)
+            off_wind = [behind(*given, wind + o) or cable.copy() for o in off]
             self._begun_as = "straight flight"
             valid_from = time + settling_time_behind(self._line, cable, wind)
         else:
