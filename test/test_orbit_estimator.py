@@ -319,6 +319,25 @@ def test_recorded_climbing_loiter_is_found_in_a_dataflash_log():
     assert orbit.sense == -1
 
 
+def test_the_first_orbit_of_a_recorded_entry_is_of_the_arc_flown_then():
+    # It narrows from 87 m to 82.5 m in another turn, and the stated error has that once it shows.
+    places, orbits = [], []
+    for sample, position, fix in fixes_of("plane_sitl_guided_loiter.BIN"):
+        places.append((sample.time, *position[:2]))
+        if fix.orbit is not None:
+            orbits.append(fix.orbit)
+    first = orbits[0]
+    times, *east_north = np.transpose(places)
+    flown = (times <= first.time) & (times >= first.time - first.arc / first.angular_rate)
+    off = np.hypot(*(np.array(east_north)[:, flown].T - first.center[:2]).T) - first.radius
+    assert flown.sum() > 40
+    assert np.sqrt(np.mean(off**2)) < 0.3
+    later = [o for o in orbits if 6.0 < o.time - first.time < 20.0]
+    assert len(later) > 40
+    for orbit in later:
+        assert abs(orbit.radius - 82.5) < 2.0 * np.sqrt(orbit.covariance[3, 3])
+
+
 def test_recorded_circle_in_real_wind_is_found():
     # shared/flights/README.md: 1.4 turns clockwise, R about 68 m.
     orbits = recorded("plane_real_wind.tlog")
