@@ -180,8 +180,12 @@ def test_text_of_the_summary_tells_where_and_when_the_look_ahead_has_it_settled(
         assert orbit[f"ahead_{name}_m"] == pytest.approx(predicted, abs=0.05 * 60.0)
     assert abs(complex(orbit["ahead_east_m"], orbit["ahead_north_m"])) < 0.05 * 60.0
     summary = core_replay[1] | {"wall_s": 1.0}
-    told = f"settles from {at:.0f} s on, {orbit['ahead_radius_m']:.0f} m around a place"
-    assert told in summary_text(summary)
+    told = f"settles from {at:.0f} s on, {orbit['ahead_radius_m']:.0f} m around "
+    assert f"{told}the circle's centre, " in summary_text(summary)
+    assert orbit["start_s"] < orbit["ahead_told_at_s"] < at
+    aside = orbit | {"ahead_east_m": -7.0, "ahead_north_m": 2.0}
+    place = "a place 7 m west and 2 m north of the circle's centre, "
+    assert told + place in summary_text(summary | {"orbits": [aside]})
     left = orbit | {"end_s": at - 1.0}
     assert "(had the circle been flown on)" in summary_text(summary | {"orbits": [left]})
     below = orbit | {
@@ -199,5 +203,6 @@ def test_text_of_the_summary_tells_predictions_that_belong_to_no_orbit(core_repl
     summary = core_replay[1] | {"wall_s": 1.0}
     assert summary["predictions_outside_orbits"] == 0
     assert "elsewhere in the flight" not in summary_text(summary)
-    text = summary_text(summary | {"predictions_outside_orbits": 6})
-    assert "Some 6 predictions are of arcs elsewhere in the flight" in text
+    outside = {"predictions_outside_orbits": 6, "outside_orbits_s": [71.2, 80.9]}
+    told = "Some 6 predictions are of arcs elsewhere in the flight, from 71 s to 81 s, too short"
+    assert told in summary_text(summary | outside)

@@ -108,8 +108,9 @@ class Summary:
             What the simulation's look-ahead came to, and from when on the end mass would be within
             5 % of the tow radius of where it settles for good [s], None where it would not be;
             about which place that is, east and north of the circle's centre and below it, and how
-            far around it on the average [m].
-            predictions_outside_orbits counts those of arcs that came to no orbit, to within 10 s.
+            far around it on the average [m]; and when it was told, for the circle as it was then.
+            predictions_outside_orbits counts those of arcs that came to no orbit, to within 10 s;
+            outside_orbits_s says from when to when they are.
             flights counts the boots of the vehicle that gave believed samples;
             simulation_begun_anew says why the twin was, and how often, None where there is none.
 
@@ -121,11 +122,7 @@ class Summary:
         """
         segments = self._segments.finish()
         orbits = [self._orbit(segment) for segment in segments]
-        elsewhere = sum(
-            count
-            for time, count in self._moments.all[["time", "count"]].tolist()
-            if not any(one.start_time <= time <= one.end_time for one in segments)
-        )
+        elsewhere = self._outside(segments)
         losses = None
         if self._twin is not None:
             losses = {why.value: count for why, count in self._twin.losses.items()}
@@ -136,10 +133,20 @@ class Summary:
                 "samples": self._winds_rejected, "newest": self._wind_rejected or None,
             },
             "orbits": orbits,
-            "predictions_outside_orbits": elsewhere,
+            "predictions_outside_orbits": int(elsewhere["count"].sum()),
+            "outside_orbits_s": [self._seconds(time) for time in elsewhere["time"][[0, -1]]]
+            if len(elsewhere) else None,
             "flights": len(self._flights),
             "simulation_begun_anew": losses,
         }  # fmt: skip
+
+    def _outside(self, segments: list[OrbitSegment]) -> np.ndarray:
+        """The moments of arcs that came to no orbit."""
+        moments = self._moments.all
+        outside = np.ones(len(moments), bool)
+        for one in segments:
+            outside &= (moments["time"] < one.start_time) | (moments["time"] > one.end_time)
+        return moments[outside]
 
     def _orbit(self, segment: OrbitSegment) -> dict[str, Any]:
         here = self._moments.between(segment.start_time, segment.end_time)
@@ -180,13 +187,15 @@ class Summary:
         """What the simulation looked ahead to on an orbit: the newest while that lay ahead."""
         told = here[here["ending"] >= 0]
         if not len(told):
-            return dict.fromkeys(("ahead_ending", "ahead_settles_at_s", *AHEAD))
+            names = "ahead_ending", "ahead_told_at_s", "ahead_settles_at_s", *AHEAD
+            return dict.fromkeys(names)
         newest = told[-1]
         if isfinite(newest["settles_at"]):  # once it has settled what is told is that it has
             before = told[told["settles_at"] > told["time"]]
             newest = before[-1] if len(before) else told[0]
         return {
             "ahead_ending": ENDINGS[newest["ending"]].value,
+            "ahead_told_at_s": self._seconds(newest["time"]),
             "ahead_settles_at_s": self._seconds(newest["settles_at"]),
             **_named(AHEAD, newest["ahead"]),
         }

@@ -1,6 +1,7 @@
 """The summary of a flight in words."""
 
 from collections.abc import Iterator
+from math import hypot
 from typing import Any
 
 from ctcbs_ros.beacon.comparison import Standing, Unmatched
@@ -13,6 +14,8 @@ from ctcbs_ros.replay.motion_kind import IN_WIND, STILL_AIR, UNKNOWN, UNMODELLED
 from ctcbs_ros.telemetry.skip_code import SkipCode
 from ctcbs_ros.twin.look_ahead import Ending
 
+# Of the tow radius: a place so near to the circle's centre is told as that.
+_AT_CENTRE = 0.02
 SKIPS = {
     SkipCode.BAD_FIX: "no 3D fix yet, few satellites or poor accuracy",
     SkipCode.NOT_FINITE: "a value missing or not a number",
@@ -94,9 +97,10 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
     yield from _orbit_lines(summary["orbits"], summary["predictions"])
     outside = summary["predictions_outside_orbits"]
     if summary["orbits"] and outside:
+        first, last = summary["outside_orbits_s"]
         yield (
-            f"Some {_counted(outside, 'prediction')} are of arcs elsewhere in the flight, too "
-            "short for an orbit of the table."
+            f"Some {_counted(outside, 'prediction')} are of arcs elsewhere in the flight, from "
+            f"{first:.0f} s to {last:.0f} s, too short for an orbit of the table."
         )
     rejected = summary["autopilot_wind_rejected"]
     if rejected["samples"]:
@@ -224,7 +228,8 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
                 f"{_counted(orbit['simulated_moments'], 'moment')}; {_expected_apart(orbit)}"
             )
         if orbit["ahead_ending"] is not None:
-            yield f"The simulation looks ahead, on orbit {number}: {_ahead(orbit)}"
+            at = f"{orbit['ahead_told_at_s']:.0f} s, on orbit {number} as it was then"
+            yield f"The simulation looks ahead, at {at}: {_ahead(orbit)}"
 
 
 def _expected_apart(orbit: dict[str, Any]) -> str:
@@ -245,14 +250,22 @@ def _ahead(orbit: dict[str, Any]) -> str:
     told = (
         f"within 5 % of the tow radius of where it settles from {at:.0f} s on"
         + (" (had the circle been flown on)" if at > orbit["end_s"] else "")
-        + f", {orbit['ahead_radius_m']:.0f} m around a place "
-        f"{_toward(orbit['ahead_east_m'], 'east', 'west')} and "
-        f"{_toward(orbit['ahead_north_m'], 'north', 'south')} of the circle's centre, "
+        + f", {orbit['ahead_radius_m']:.0f} m around {_place_ahead(orbit)}, "
         f"{orbit['ahead_depth_m']:.0f} m below the circle"
     )
     if orbit["settled_at_s"] is None:
         return f"{told}; by the margin it never counted as settled"
     return f"{told}; by the margin it counted as settled from {orbit['settled_at_s']:.0f} s on"
+
+
+def _place_ahead(orbit: dict[str, Any]) -> str:
+    east, north = orbit["ahead_east_m"], orbit["ahead_north_m"]
+    if hypot(east, north) < _AT_CENTRE * orbit["radius_m"]:
+        return "the circle's centre"
+    return (
+        f"a place {_toward(east, 'east', 'west')} and {_toward(north, 'north', 'south')} of the "
+        "circle's centre"
+    )
 
 
 def _end_mass(orbit: dict[str, Any]) -> str:
