@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from folding_flight import folding_configuration
 from processes import LIMIT
 
@@ -11,16 +12,17 @@ from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.warm_up import _circle, warm_up
 
-# Every compiled kernel that has been loaded, by its name.
+# Every compiled kernel that has been loaded, by its name and the kinds of its arguments.
 LOADED = """
 import sys
 from numba.core.registry import CPUDispatcher
 def loaded():
     return {
-        f"{name}.{key}"
+        f"{name}.{key} {arguments}"
         for name, module in list(sys.modules.items()) if name.startswith("ctcbs_ros.kernels")
         for key, value in vars(module).items()
-        if isinstance(value, CPUDispatcher) and value.signatures
+        if isinstance(value, CPUDispatcher)
+        for arguments in value.signatures
     }
 """
 FLIGHT = """
@@ -28,23 +30,29 @@ from ctcbs_ros.configuration import load_configuration
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.warm_up import warm_up
 configuration = load_configuration("small_drone")
-warm_up(configuration)
+with_twin = sys.argv[1] == "True"
+warm_up(configuration, with_twin=with_twin)
 before = loaded()
 from sample_flights import orbiting, samples_of
-predictor = Predictor(configuration)
-for sample in samples_of(orbiting(turns=4.0, rate=3.0, radius_change=(95.0, 2.0))):
-    prediction = predictor.update(sample)
-print(sorted(loaded() - before))
+wind = (3.0, -2.0)
+for flight, known in (
+    (orbiting(turns=4.0, rate=3.0, radius_change=(95.0, 2.0)), None),
+    (orbiting(turns=4.0, rate=3.0, wind=wind), wind),
+):
+    predictor = Predictor(configuration, with_twin=with_twin)
+    predicted = [predictor.update(sample).end_mass for sample in samples_of(flight, wind=known)]
+print(sorted(loaded() - before), any(p and p.in_wind and p.settling_time > 0 for p in predicted))
 """
 
 
-def test_no_kernel_is_loaded_in_flight():
+@pytest.mark.parametrize("with_twin", [False, True])
+def test_no_kernel_is_loaded_in_flight(with_twin):
     done = subprocess.run(
-        [sys.executable, "-c", LOADED + FLIGHT], cwd=Path(__file__).parent, timeout=LIMIT,
-        capture_output=True, text=True,
+        [sys.executable, "-c", LOADED + FLIGHT, str(with_twin)],
+        cwd=Path(__file__).parent, timeout=LIMIT, capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == "[]"
+    assert done.stdout.strip() == "[] True"
 
 
 def test_the_circle_gives_predictions():

@@ -7,8 +7,11 @@ a second in all; in flight that would delay the first prediction, and the first 
 import gc
 from math import cos, pi, sin
 
+import numpy as np
+
 from ctcbs_ros.configuration import Configuration
 from ctcbs_ros.errors import InputError
+from ctcbs_ros.kernels.galerkin import basis
 from ctcbs_ros.prediction.fold import follow_fold, known_fold
 from ctcbs_ros.prediction.jumps import JumpFinder
 from ctcbs_ros.prediction.predictor import Predictor
@@ -36,6 +39,8 @@ def warm_up(
     predictor = Predictor(configuration, table, with_twin)
     for sample in _circle(radius, speed):
         predictor.update(sample)
+    # Only how stable a motion in wind is asks for it; to solve one here would take 0.3 s.
+    basis(2, 1.0, np.zeros(1), np.empty((2, 1)), np.empty((2, 1)))
     try:
         parameters = flight_point(configuration, radius, speed, _SEA_LEVEL_DENSITY).parameters
     except InputError:
