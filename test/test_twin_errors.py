@@ -84,3 +84,45 @@ def test_winds_that_are_off_add_up_to_the_covariance_and_change_as_little_as_it_
     # nearly round: its axes are anywhere, what it does is not
     near = [off_winds(np.eye(2) + e * np.array([[1.0, 0.5], [0.5, 0.0]])) for e in (1e-6, -1e-6)]
     assert near[0] == pytest.approx(near[1], abs=1e-5)
+
+
+def through(flight, air, gap, seed):
+    """The twin's values beside the truth, by time, of a flight with no telemetry in a gap."""
+    truth, datum = true_places(flight, air), Datum(47.4, 8.5, 400.0, False)
+    predictor, found = Predictor(DRONE, with_twin=True), {}
+    samples = told(flight, air, datum, np.random.default_rng(seed))
+    for sample, there in zip(samples, truth, strict=True):
+        if not gap[0] < sample.time < gap[1]:
+            simulated = predictor.update(sample).simulated
+            if simulated is None or simulated.state is TwinState.WAITING:
+                continue
+            here = to_enu(datum, *predictor.to_geodetic(simulated.position[None])[0])
+            found[sample.time] = simulated, here - there
+    return found
+
+
+@pytest.mark.parametrize(("air", "sense"), [((3.0, -2.0), 1), ((-1.0, 4.0), -1)])
+def test_a_gap_of_nearly_half_a_turn_is_led_through_between_both_its_ends(air, sense):
+    flight = simulate_flight(RADIUS, SPEED, 4, sense=sense, wind=air, rate=2.0)
+    found, complete = (through(flight, air, gap, 2) for gap in ((60.0, 69.0), (0.0, 0.0)))
+    after = [time for time in found if 69.0 <= time < 84.0]
+    assert len(after) == 30
+    assert all(found[t][0].state is TwinState.SYNCHRONISED for t in after)
+    assert not found[after[-1]][0].losses
+    # the filter's way alone led 9 m off
+    assert max(np.linalg.norm(found[t][1] - complete[t][1]) for t in after) < 3.0
+
+
+def test_what_a_gaps_end_is_off_the_orbit_counts_as_an_error_until_it_is_forgotten():
+    air, wider = (2.0, 0.0), 1.5 * RADIUS
+    flight = simulate_flight(RADIUS, SPEED, 5, wind=air, rate=2.0, radius_change=(wider, 2.5))
+    # the radius begins to change in it
+    begins = flight.time[np.flatnonzero(flight.radius == wider)[0]] - 10.0
+    found = through(flight, air, (begins, begins + 7.0), 1)
+    after = [value for time, value in found.items() if time >= begins + 7.0]
+    stated = [np.trace(f.covariance[:3, :3]) for f, _ in after]
+    before = np.trace(found[begins][0].covariance[:3, :3])
+    assert not after[0][0].losses
+    assert stated[1] > before + 20.0
+    assert stated[60] < before + 5.0
+    assert np.mean([in_region(off, f.covariance[:3, :3]) for f, off in after[:60]]) > 0.9

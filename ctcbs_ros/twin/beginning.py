@@ -13,10 +13,10 @@ from ctcbs_ros.kernels.cable_forces import derivatives, masses
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.periodic.circle import Circle
 from ctcbs_ros.periodic.motion import PeriodicMotion
-from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED
 from ctcbs_ros.scaling import FlightPoint
 from ctcbs_ros.solver.blas import one_blas_thread
 from ctcbs_ros.solver.steady_state import steady_states
+from ctcbs_ros.twin.course import circle_of
 from ctcbs_ros.twin.simulated_cable import SimulatedCable, elastic
 
 # Faster than so many times the pendulum of its length, a motion is one of the cable's stretch,
@@ -38,19 +38,6 @@ class Begun:
 
     cable: SimulatedCable
     periodic: bool
-
-
-def circle_of(orbit: Orbit, wind, at_airspeed: bool) -> Circle:
-    """The orbit in a wind, (2,), as seen by who drifts with its centre.
-
-    Raises
-    ------
-    InputError
-        If the air is as fast as the aircraft.
-    """
-    past = np.asarray(wind, float) - orbit.drift
-    kind = AIRSPEED if at_airspeed else GROUND_SPEED
-    return Circle(orbit.radius, orbit.angular_rate, orbit.sense, *past.tolist(), kind)
 
 
 def on_orbit(

@@ -46,11 +46,24 @@ class FollowedCable:
         if errors is None or not errors[:3, :3].trace() < 3.0 * length**2:
             errors = np.diag([length**2, length**2, length**2, 1.0])
         self._errors = errors + np.diag(before)
+        # What paths through gaps have left, and when.
+        self._elsewhere, self._elsewhere_at = np.zeros((4, 4)), since
 
     def move(self, by) -> None:
         """Take the cables as they are to another place, (3,) [m]."""
         for cable in (self.cable, *self._off_wind):
             cable.positions += by
+
+    def led_elsewhere(self, time: float, unsure) -> None:
+        """It has been led by a path that is off by a standard deviation, as a vector (3,) [m].
+
+        The end mass goes where the tow point has led it, and forgets that as it does how it began.
+        """
+        if not np.any(unsure):
+            return
+        off = np.append(unsure, 0.0)
+        self._elsewhere = self._faded(time, self._elsewhere_at) * self._elsewhere
+        self._elsewhere, self._elsewhere_at = self._elsewhere + np.outer(off, off), time
 
     def advance(
         self, line: Line, path: Pieces, wind_before, wind, wind_covariance: np.ndarray,
@@ -81,16 +94,20 @@ class FollowedCable:
         )
 
     def covariance(self, time: float) -> np.ndarray:
-        """Of east, north, up and yaw, (4, 4): the wind, and what is left of the beginning."""
-        settling = max(self.valid_from - self.since, 1e-3)
-        share = exp(-2.0 * _SETTLED * (time - self.since) / settling)
-        known = share * self._errors
+        """Of east, north, up and yaw, (4, 4): the wind, what is left of beginning and gaps."""
+        known = self._faded(time, self.since) * self._errors
+        known += self._faded(time, self._elsewhere_at) * self._elsewhere
         here = _yaw(self.cable)
         for other in self._off_wind:
             turned = (_yaw(other) - here + pi) % (2.0 * pi) - pi
             change = np.append(other.positions[0] - self.cable.positions[0], turned)
             known += np.outer(change, change)
         return known
+
+    def _faded(self, time: float, since: float) -> float:
+        """What is left at a time of a variance."""
+        settling = max(self.valid_from - self.since, 1e-3)
+        return exp(-2.0 * _SETTLED * (time - since) / settling)
 
 
 def off_winds(covariance: np.ndarray) -> np.ndarray:

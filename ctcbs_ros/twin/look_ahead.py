@@ -16,7 +16,7 @@ from ctcbs_ros.dynamics.line import Line
 from ctcbs_ros.dynamics.settled import SPAN, approached, oscillates, settled_after
 from ctcbs_ros.kernels.tow_filter import decayed
 from ctcbs_ros.orbit.orbit import Orbit
-from ctcbs_ros.twin.beginning import circle_of
+from ctcbs_ros.twin.course import Course
 from ctcbs_ros.twin.simulated_cable import SimulatedCable, axes_of
 from ctcbs_ros.twin.tow_point import hermite
 
@@ -105,12 +105,11 @@ class LookAhead:
         self._cable = cable.copy()
         self._wind = np.array(wind, float)
         self._period = 2.0 * pi / orbit.angular_rate
-        circle = circle_of(orbit, self._wind[:2], at_airspeed)
-        times = circle.time_at(orbit.phase) + 2.0 * pi * np.arange(A_TURN) / A_TURN
-        places, speeds, _ = circle.tow_path.motion(times)
-        self._places = orbit.radius * circle.in_field(places)
-        self._speeds = orbit.speed * circle.in_field(speeds)
-        self._moves = np.array([*orbit.drift, orbit.climb_rate])
+        course = Course(orbit, self._wind[:2], at_airspeed)
+        self._places, self._speeds = course.about_centre(
+            self._period * np.arange(A_TURN) / A_TURN
+        )
+        self._moves = course.moves
         self._off = np.stack([
             cable.positions[-1] - orbit.center - self._places[0],
             cable.velocities[-1] - self._moves - self._speeds[0],

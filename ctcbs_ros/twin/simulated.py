@@ -49,8 +49,9 @@ class Simulated:
         ENU direction of its motion [rad].
     covariance : (6, 6) ndarray
         Of (east, north, up, roll, pitch, yaw) in SI units: the tow point's position; by two more
-        cables in winds that are off by a standard deviation, the wind; and what is left of where
-        it began, which was predicted no better, after whatever was flown before. Gusts, drag
+        cables in winds that are off by a standard deviation, the wind; what gaps in the telemetry
+        have left; and what is left of where it began, which was predicted no better, after
+        whatever was flown before. Gusts, drag
         coefficients, the length paid out and the number of segments are not in it.
     cable : (n + 1, 3) ndarray
         Nodes, the end mass first [m].

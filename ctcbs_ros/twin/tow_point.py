@@ -116,9 +116,8 @@ class TowPoint:
             How far the position is from where the filter led, level, and the standard deviation
             of that along an axis [m].
         """
-        pieces = int(np.ceil(max(rate * interval / _PIECE_ANGLE, interval / _PIECE_TIME, 1e-9)))
-        breaks = interval * np.arange(pieces + 1) / pieces
-        knots = np.empty((2, pieces + 1, 3))
+        breaks = breaks_of(interval, rate)
+        knots = np.empty((2, breaks.size, 3))
         missed, sigma, self._doubt = tow_filter.follow(
             self._mean, self._off, self._level, self._upright, _JERK, rate,
             np.array(wind, float), breaks,
@@ -128,6 +127,12 @@ class TowPoint:
             min(position_sigma, _MOST_SIGMA), velocity_sigma, self._doubt, _DOUBT_TIME, knots,
         )  # fmt: skip
         return hermite(breaks, *knots), missed, sigma
+
+
+def breaks_of(interval: float, rate: float) -> np.ndarray:
+    """Where the cubics of a stretch meet, turning at a rate [rad/s], from 0 to its end [s]."""
+    pieces = int(np.ceil(max(rate * interval / _PIECE_ANGLE, interval / _PIECE_TIME, 1e-9)))
+    return interval * np.arange(pieces + 1) / pieces
 
 
 def hermite(breaks, positions, velocities) -> Pieces:

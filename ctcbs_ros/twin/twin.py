@@ -19,13 +19,13 @@ from ctcbs_ros.orbit.wind import Wind
 from ctcbs_ros.scaling import flight_point
 from ctcbs_ros.telemetry.sample import Sample
 from ctcbs_ros.twin.beginning import behind, on_orbit, settling_time_behind
+from ctcbs_ros.twin.flown_path import FlownPath, Stretch
 from ctcbs_ros.twin.flown_wind import FlownWind
 from ctcbs_ros.twin.followed import FollowedCable, off_winds
 from ctcbs_ros.twin.look_ahead import LookAhead, Settling
 from ctcbs_ros.twin.seen import Seen
 from ctcbs_ros.twin.simulated import Loss, Simulated, TwinState
 from ctcbs_ros.twin.simulated_cable import axes_of, line_in_si
-from ctcbs_ros.twin.tow_point import TowPoint
 
 # See docs/twin.md.
 SEGMENTS = 24
@@ -33,14 +33,6 @@ SEGMENTS = 24
 SPEED_UP = 20.0
 # Turns until it does so again where all has settled, on the orbit and in the wind of the last one.
 _REST = 3.0
-# A gap is flown through along the orbit for this part of a turn, off any orbit for this time [s].
-_COAST, _COAST_STRAIGHT = 0.5, 3.0
-# A sample is not where the path leads from this distance on [m], [standard deviations], and
-# [the way flown since the sample before].
-_JUMP, _JUMP_SIGMA, _JUMP_PART = 20.0, 8.0, 0.3
-# Straight flight: a velocity that changes by less than this part of it for so long [s], at this
-# part of the envelope's lowest speed at least.
-_STRAIGHT, _STRAIGHT_TIME, _FLYING = 0.15, 5.0, 0.5
 # Change of the length paid out that is reeled in the time to the next sample, over the length.
 _REELED = 0.02
 # Change of air density that makes another line.
@@ -69,13 +61,13 @@ class Twin:
         self._losses: Counter[Loss] = Counter()
         self._flight: int | None = None
         self._line = self._line_density = None
+        self._path = FlownPath(configuration)
         self._forget()
 
     def _forget(self) -> None:
         self._last_time = nan
-        self._tow: TowPoint | None = None
+        self._path.forget()
         self._orbit: Orbit | None = None
-        self._straight_since, self._straight_velocity = nan, np.zeros(2)
         self._wind = FlownWind()
         self._stop()
 
@@ -125,7 +117,7 @@ class Twin:
                     self._follow(seen, before)
             except (ArithmeticError, ValueError):
                 self._lose(Loss.NOT_FOLLOWED)
-                self._tow = None
+                self._path.forget()
         self._last_time = sample.time
         self._orbit = seen.orbit
         return self._simulated(sample)
@@ -133,37 +125,15 @@ class Twin:
     # --- the tow point and the air --------------------------------------------------------------
 
     def _follow(self, seen: Seen, before) -> None:
-        sample = seen.sample
-        receiver = self._configuration.receiver
-        sigmas = (
-            _stated(sample.horizontal_accuracy, receiver.position_sigma),
-            _stated(sample.speed_accuracy, receiver.velocity_sigma),
-        )
-        position, velocity = seen.tow_point, sample.velocity
-        wind_before = self._wind.velocity
-        interval = sample.time - self._last_time
+        time, wind_before = seen.sample.time, self._wind.velocity
+        interval = time - self._last_time
         other_wind = seen.wind is not None and self._take_wind(seen.wind, interval)
         orbit = self._orbit if seen.orbit is not None else None
-        longest = _COAST * 2.0 * pi / orbit.angular_rate if orbit else _COAST_STRAIGHT
-        if self._tow is not None and interval > longest:
-            self._lose(Loss.GAP)
-            self._tow = None
-        if self._tow is None:
-            self._straight_since = nan
-            if velocity is not None:
-                self._tow = TowPoint(position, velocity, *sigmas)
+        flown = self._path.add(seen, interval, orbit, self._last_time, self._wind.velocity)
+        if isinstance(flown, Loss):
+            self._lose(flown)
+        if not isinstance(flown, Stretch):
             return
-        rate = orbit.angular_rate if orbit else 0.0
-        path, missed, sigma = self._tow.add(
-            interval, position, velocity, *sigmas, rate,
-            self._wind.velocity if orbit else np.zeros(3),
-        )
-        flown = interval * float(np.linalg.norm(self._tow.velocity))
-        if missed > max(_JUMP, _JUMP_SIGMA * sigma, _JUMP_PART * flown):
-            self._lose(Loss.JUMP)
-            self._tow = None
-            return
-        self._note_straight_flight(sample.time)
         if other_wind:
             self._lose(Loss.OTHER_WIND)
         if self._may_begin_better(seen):
@@ -174,9 +144,10 @@ class Twin:
         begun = self._followed
         on_orbit_since = self._begun_as in (_PERIODIC, _STILL)
         # What is not known as it begins is taken for long, and may be found to be shorter.
-        if on_orbit_since and begun.valid_from > sample.time and isfinite(seen.settling_time):
+        if on_orbit_since and begun.valid_from > time and isfinite(seen.settling_time):
             begun.valid_from = begun.since + seen.settling_time
-        if not self._advance(path, wind_before, before):
+        begun.led_elsewhere(time, flown.unsure)
+        if not self._advance(flown.path, wind_before, before):
             self._lose(Loss.NOT_FOLLOWED)
             return
         self._look_ahead(interval, seen)
@@ -204,24 +175,14 @@ class Twin:
         return True
 
     def _take_wind(self, wind: Wind, interval: float) -> bool:
-        speed = 0.0 if self._tow is None else float(np.linalg.norm(self._tow.velocity))
+        tow = self._path.tow
+        speed = 0.0 if tow is None else float(np.linalg.norm(tow.velocity))
         return self._wind.take(wind, interval, speed, at_once=self._followed is None)
-
-    def _note_straight_flight(self, time: float) -> None:
-        velocity = self._tow.velocity[:2]
-        speed = float(np.hypot(*velocity))
-        if speed < _FLYING * self._configuration.envelope.speed[0]:
-            self._straight_since = nan
-        elif not (
-            isfinite(self._straight_since)
-            and np.hypot(*(velocity - self._straight_velocity)) < _STRAIGHT * speed
-        ):
-            self._straight_since, self._straight_velocity = time, velocity
 
     # --- the cable ------------------------------------------------------------------------------
 
     def _begin(self, seen: Seen) -> None:
-        time, orbit, tow = seen.sample.time, seen.orbit, self._tow
+        time, orbit, tow = seen.sample.time, seen.orbit, self._path.tow
         errors, off_wind, wind = np.zeros((4, 4)), [], self._wind.velocity
         if orbit is not None and isfinite(seen.end_mass_radius):
             if seen.searching and seen.motion is None:
@@ -240,7 +201,7 @@ class Twin:
             errors = seen.errors if begun.periodic else None
             # Where that is not known yet it is added as soon as it is.
             valid_from = inf if isnan(seen.settling_time) else time + seen.settling_time
-        elif orbit is None and time - self._straight_since >= _STRAIGHT_TIME:
+        elif orbit is None and self._path.is_straight(time):
             given = self._line, self._segments, tow.position, tow.velocity
             cable = behind(*given, wind)
             if cable is None:
@@ -339,7 +300,7 @@ class Twin:
             yaw=atan2(velocity[1], velocity[0]) if cable is not None else nan,
             covariance=self._covariance(sample),
             cable=nodes,
-            tow_point=unknown if self._tow is None else self._tow.position,
+            tow_point=unknown if self._path.tow is None else self._path.tow.position,
             wind=self._wind.velocity.copy(),
             wind_known=self._wind.known,
             settling=self._settling,
@@ -352,18 +313,8 @@ class Twin:
         covariance[_DIAGONAL] = _UNKNOWN
         if self._followed is None:
             return covariance
-        receiver = self._configuration.receiver
-        sigma = _stated(sample.horizontal_accuracy, receiver.position_sigma)
         speed = max(float(np.hypot(*self._followed.cable.velocities[0, :2])), 1e-3)
-        turned = _stated(sample.speed_accuracy, receiver.velocity_sigma) / speed
+        turned = self._path.velocity_sigma(sample) / speed
         covariance[_POSE] = self._followed.covariance(sample.time)
-        # What is correlated in time no filter takes out of the positions.
-        tow = self._tow.variances + (receiver.correlated_share * sigma) ** 2
-        covariance[_DIAGONAL] += [*tow, 0.0, 0.0, turned**2]
+        covariance[_DIAGONAL] += [*self._path.variances(sample), 0.0, 0.0, turned**2]
         return covariance
-
-
-def _stated(sigma: float, otherwise: float) -> float:
-    """A stated standard deviation where there is one that can be used."""
-    return min(sigma, 1e3) if sigma > 0.0 else otherwise
-
