@@ -154,6 +154,16 @@ def test_any_log_that_replay_reads_is_a_track(name, capsys):
     assert 20.0 < end["least_depth"] < end["greatest_depth"] < 152.0
 
 
+def test_wind_of_a_track_that_tells_none_is_refused_with_what_to_give_instead(tmp_path, capsys):
+    track = tmp_path / "track.csv"
+    track.write_text("t,x,y,z\n" + "".join(f"{t},{20 * t},0,100\n" for t in range(20)))
+    arguments = f"simulate-cable {DRONE} --track {track} --wind log"
+    assert main(arguments.split()) == 2
+    error = capsys.readouterr().err
+    assert f"nobody tells the wind in {track}" in error
+    assert "give --wind X,Y" in error
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -178,8 +178,13 @@ def _wind(args, units, path, tow, first, last, period):
     if args.wind is None:
         return None
     if args.wind == "log":
-        if path is None or not path.wind_times.size:
-            raise InputError("--wind log: only with a --track whose autopilot tells the wind")
+        if path is None:
+            raise InputError("--wind log: only with a --track LOG, whose wind it is")
+        if not path.wind_times.size:
+            raise InputError(
+                f"--wind log: nobody tells the wind in {args.track}, or in the part of it that is "
+                "flown; give --wind X,Y, the velocity of the air, or leave --wind out: still air"
+            )
         times, values = path.wind_times, path.wind
     elif (numbers := vector(args.wind, "--wind")) is not None:
         times = np.array([first, first + period]) * units["time"]
