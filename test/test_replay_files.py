@@ -10,6 +10,7 @@ import pytest
 from processes import LIMIT, read_to_end, read_until, start_on_terminal
 from replays import DRONE, ctcbs
 
+from ctcbs_ros.cli.replay import _progress_bar
 from ctcbs_ros.replay.folder import complete_folder
 from ctcbs_ros.replay.tables import (
     PREDICTION_COLUMNS,
@@ -64,6 +65,15 @@ def test_every_figure_of_a_record_has_its_column(core_replay):
     assert set(valid) - set(PREDICTION_COLUMNS) == {"skip", "valid", "other_solutions"}
     added = {"time_s", "other_end_mass_radii_m"}
     assert set(PREDICTION_COLUMNS) - set(valid) == added
+
+
+def test_the_bar_tells_how_much_of_the_log_has_been_read_and_nothing_of_none(capsys):
+    with _progress_bar(lambda record: None) as take:
+        for part, time in ((0.1, None), (0.2, 5.0), (0.6, 5.0), (1.0, 65.0)):
+            take({"vehicle_time_s": time}, part)
+    told = capsys.readouterr().err
+    assert "log 60 s" in told
+    assert "log 0 s" not in told
 
 
 def test_plots_are_drawn(out):

@@ -166,9 +166,12 @@ def _progress_bar(take: Callable) -> Iterator[Callable]:
             now = record["vehicle_time_s"]
             if now is not None and first_time is None:
                 first_time = now
-            if now is not None and bar.update(progress - bar.n):
+            # Before the bar is drawn, which would show what was true at its last drawing.
+            if now is not None and now > first_time:
                 flown = now - first_time
                 rate = flown / (time.monotonic() - started)
-                bar.set_postfix_str(f"log {flown:.0f} s, {rate:.0f} x real time", refresh=False)
+                told = f"{rate:.1f}" if rate < 10.0 else f"{rate:.0f}"
+                bar.set_postfix_str(f"log {flown:.0f} s, {told} x real time", refresh=False)
+            bar.update(progress - bar.n)
 
         yield take_and_show
