@@ -34,6 +34,7 @@ def test_the_command_prints_json_and_writes_its_report_with_settings_applied(tmp
     out, err = running.communicate(timeout=LIMIT)
     assert running.returncode == 0, err
     assert b"design: 100%" in err
+    assert b"0part" not in err
     result = json.loads(out)
     assert result["verdict"] == "OK"
     assert result["source"].endswith(f"small_drone.yaml with {NARROW[0]}, {NARROW[1]}")

@@ -95,7 +95,7 @@ def carry_out(
     Design
     """
     grid = grid or Grid()
-    with tqdm(desc="design", unit="part", total=0, disable=not progress) as bar:
+    with tqdm(desc="design", unit=" parts", total=0, disable=not progress) as bar:
 
         def run(function, jobs: Iterable) -> list:
             jobs = list(jobs)
