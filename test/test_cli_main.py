@@ -67,6 +67,23 @@ def test_wrong_usage_is_one_line_and_ends_with_2(capsys, arguments):
     assert line.endswith(f"; see {program} --help")
 
 
+def test_without_a_command_those_there_are_are_named(capsys):
+    for given, named in (([], "steady, periodic, branch"), (["table"], "{build,info}")):
+        assert exit_code(*given) == 2
+        assert named in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["periodic", "cusp", "table build"])
+def test_an_option_that_a_command_does_not_have_is_refused_with_that_commands_help(
+    capsys, command
+):
+    needed = ["small_drone", "-o", "x"] if command == "table build" else []
+    assert exit_code(*command.split(), *needed, "--there-is-none", "3") == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"ctcbs {command}: error: unrecognized arguments: --there-is-none 3;")
+    assert line.endswith(f"see ctcbs {command} --help")
+
+
 @pytest.mark.parametrize("value", ["fast", "-1", "nan", "1001"])
 def test_a_number_out_of_its_range_is_refused_with_the_range(capsys, value):
     assert exit_code("replay", "a.tlog", "--config", "small_drone", f"--rate={value}") == 2

@@ -5,7 +5,7 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NoReturn
 
 from ctcbs_ros import __version__, signals
@@ -42,7 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     before = {number: signal.signal(number, handler) for number, handler in ours.items()}
     try:
         given = sys.argv[1:] if arguments is None else arguments
-        args = _parser().parse_args(_with_negative_values(given))
+        parser = _parser()
+        if not given:
+            parser.error(f"a command is needed: {', '.join(parser.commands)}")
+        args = parser.parse_args(_with_negative_values(given))
         code = args.run(args)
         sys.stdout.flush()
         return code
@@ -72,6 +75,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 class _Parser(argparse.ArgumentParser):
     """Tells wrong usage in one line, as any other bad input, instead of the whole usage."""
 
+    commands: Iterable[str] = ()
+
+    def parse_known_args(self, args=None, namespace=None):
+        """As argparse, but what a command does not know is told by it, not by `ctcbs`."""
+        namespace, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return namespace, unknown
+
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: error: {message}; see {self.prog} --help\n")
 
@@ -88,7 +100,7 @@ def _with_negative_values(arguments: Sequence[str]) -> list[str]:
     return joined
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> _Parser:
     # Here, because these imports take a second, in which an interrupt is to end like any other.
     from ctcbs_ros.cli import (
         bench,
@@ -123,6 +135,7 @@ def _parser() -> argparse.ArgumentParser:
         twin_study, validate,
     ):  # fmt: skip
         command.add_parser(commands)
+    parser.commands = commands.choices
     return parser
 
 

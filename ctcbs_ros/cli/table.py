@@ -8,7 +8,7 @@ from ctcbs_ros.cli.output import print_json
 def add_parser(subparsers) -> None:
     """Add the subcommand's arguments."""
     parser = subparsers.add_parser("table", help="build or describe a continuation table")
-    actions = parser.add_subparsers(dest="action", required=True)
+    actions = parser.add_subparsers(dest="action", metavar="{build,info}", required=True)
     build = actions.add_parser("build", help="compute the table of a configuration's envelope")
     build.add_argument("config", metavar="CONFIG", help="configuration file")
     build.add_argument("-o", "--output", required=True, metavar="FILE", help="file to write")
