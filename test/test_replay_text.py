@@ -125,11 +125,68 @@ def test_text_of_the_summary_tells_where_the_end_mass_is_in_wind(core_replay):
     place = "about a place 55 m downwind and 27 m to the right (as one looks downwind) of"
     assert f"{place} the circle's centre" in text
     assert "up to 47 m from there, 80 to 145 m below the circle, lowest 61 m above" in text
-    assert "; +- 9 m" in text
+    assert "; +- 9 m (1 sigma, along the worse horizontal axis)" in text
     assert "7.0 +- 0.5 m/s from 0 deg" in text
     row = next(line for line in text.splitlines() if line.startswith("    1  "))
     assert "in wind, see below" in row
     assert "In 25% of the predictions on orbit 1 the motion in its wind was not known" in text
+
+
+def in_wind(core_replay, **changed):
+    """Text of a flight with one orbit, in wind."""
+    (orbit,) = core_replay[1]["orbits"]
+    windy = {
+        "end_mass_motion": IN_WIND, "margin_of": "wind", "end_mass_least_depth_m": 80.2,
+        "end_mass_greatest_depth_m": 145.4, "end_mass_downwind_m": None,
+        "end_mass_crosswind_m": None, "end_mass_east_m": 0.2, "end_mass_north_m": -0.4,
+        "end_mass_horizontal_std_m": 9.1, "end_mass_excursion_m": 47.0,
+        "wind_source": "flight", "wind_speed_m_s": 1.0, "wind_std_m_s": 2.0,
+    }  # fmt: skip
+    return summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [orbit | windy | changed]})
+
+
+def test_text_of_the_summary_tells_no_way_off_the_centre_of_less_than_a_metre(core_replay):
+    assert "orbit 1 about the circle's centre, up to 47 m from there" in in_wind(core_replay)
+    assert "about a place 3 m west of the circle's centre, up" in in_wind(
+        core_replay, end_mass_east_m=-3.0
+    )
+    looked = "about a place 5 m upwind (as one looks downwind) of the circle's centre"
+    assert looked in in_wind(
+        core_replay, end_mass_downwind_m=-5.0, end_mass_crosswind_m=0.4
+    )
+
+
+def test_text_of_the_summary_tells_one_depth_where_the_least_and_greatest_are_alike(core_replay):
+    assert ", 80 to 145 m below the circle" in in_wind(core_replay)
+    level = in_wind(core_replay, end_mass_greatest_depth_m=80.4)
+    assert "from there, 80 m below the circle" in level
+
+
+def test_text_of_the_summary_tells_a_margin_not_known_yet_from_one_not_known(core_replay):
+    yet = "the motion in the wind is on orbit 1 was not known yet when it was left."
+    not_known = "How stable the motion in the wind is on orbit 1 is not known."
+    for margin_of, told, untold in (
+        ("not known yet", yet, not_known), ("not known", not_known, yet),
+    ):  # fmt: skip
+        text = in_wind(core_replay, margin_of=margin_of)
+        assert told in text
+        assert untold not in text
+    assert "How stable the motion" not in in_wind(core_replay)
+
+
+@pytest.mark.parametrize(
+    ("motion", "told"),
+    [(UNKNOWN, "most of it by the wind that nobody knows"), (STILL_AIR, "orbit's and the wind's")],
+)
+def test_text_of_the_summary_says_how_well_an_end_mass_in_still_air_is_known(
+    core_replay, motion, told
+):
+    (orbit,) = core_replay[1]["orbits"]
+    still = orbit | {"end_mass_motion": motion, "end_mass_horizontal_std_m": 48.6}
+    text = summary_text(core_replay[1] | {"wall_s": 1.0, "orbits": [still]})
+    (line,) = [line for line in text.splitlines() if line.startswith("End mass of orbit 1, ")]
+    assert "+- 49 m (1 sigma, along the worse horizontal axis)" in line
+    assert told in line
 
 
 @pytest.mark.parametrize(

@@ -217,6 +217,9 @@ def _orbit_lines(orbits: list[dict[str, Any]], predictions: int) -> Iterator[str
             )
         if orbit["end_mass_motion"] == IN_WIND:
             yield f"In it, once settled: end mass of orbit {number} {_in_wind(orbit)}"
+        elif orbit["end_mass_horizontal_std_m"] is not None:
+            told = f"{_spread(orbit)}, {_spread_of(orbit)}"
+            yield f"End mass of orbit {number}, once settled: {told}"
     yield from _motion_lines(orbits)
     for number, orbit in enumerate(orbits, 1):
         if orbit["simulated_moments"]:
@@ -262,9 +265,14 @@ def _place_ahead(orbit: dict[str, Any]) -> str:
     east, north = orbit["ahead_east_m"], orbit["ahead_north_m"]
     if hypot(east, north) < _AT_CENTRE * orbit["radius_m"]:
         return "the circle's centre"
-    return (
-        f"a place {_toward(east, 'east', 'west')} and {_toward(north, 'north', 'south')} of the "
-        "circle's centre"
+    return _place((east, "east", "west"), (north, "north", "south"))
+
+
+def _place(*offsets: tuple[float, str, str], seen: str = "") -> str:
+    """A place beside the circle's centre; what rounds to no metre is left out."""
+    told = [_toward(*offset) for offset in offsets if round(abs(offset[0])) > 0]
+    return f"a place {' and '.join(told)}{seen} of the circle's centre" if told else (
+        "the circle's centre"
     )
 
 
@@ -289,25 +297,41 @@ def _end_mass(orbit: dict[str, Any]) -> str:
 def _in_wind(orbit: dict[str, Any]) -> str:
     """Where the end mass of an orbit is in its wind."""
     if orbit["end_mass_downwind_m"] is not None:
-        across = orbit["end_mass_crosswind_m"]
-        place = (
-            f"{_toward(orbit['end_mass_downwind_m'], 'downwind', 'upwind')} and "
-            f"{_toward(across, 'to the left', 'to the right')} (as one looks downwind)"
+        place = _place(
+            (orbit["end_mass_downwind_m"], "downwind", "upwind"),
+            (orbit["end_mass_crosswind_m"], "to the left", "to the right"),
+            seen=" (as one looks downwind)",
         )
     else:
-        place = (
-            f"{_toward(orbit['end_mass_east_m'], 'east', 'west')} and "
-            f"{_toward(orbit['end_mass_north_m'], 'north', 'south')}"
+        place = _place(
+            (orbit["end_mass_east_m"], "east", "west"),
+            (orbit["end_mass_north_m"], "north", "south"),
         )
     lowest = orbit["end_mass_lowest_above_home_m"]
     return (
-        f"about a place {place} of the circle's centre, up to "
-        f"{orbit['end_mass_excursion_m']:.0f} m from there, "
-        f"{orbit['end_mass_least_depth_m']:.0f} to {orbit['end_mass_greatest_depth_m']:.0f} m "
-        "below the circle"
+        f"about {place}, up to {orbit['end_mass_excursion_m']:.0f} m from there, "
+        f"{_depths(orbit)} m below the circle"
         + ("" if lowest is None else f", lowest {_height(lowest)} home or set ground")
-        + f"; +- {orbit['end_mass_horizontal_std_m']:.0f} m"
+        + f"; {_spread(orbit)}"
     )
+
+
+def _spread_of(orbit: dict[str, Any]) -> str:
+    if orbit["end_mass_motion"] == UNKNOWN:
+        return "most of it by the wind that nobody knows"
+    return "by the orbit's and the wind's errors"
+
+
+def _depths(orbit: dict[str, Any]) -> str:
+    least = f"{orbit['end_mass_least_depth_m']:.0f}"
+    greatest = f"{orbit['end_mass_greatest_depth_m']:.0f}"
+    return least if least == greatest else f"{least} to {greatest}"
+
+
+def _spread(orbit: dict[str, Any]) -> str:
+    """How well the end mass's place is known, whatever its motion is of."""
+    sigma = orbit["end_mass_horizontal_std_m"]
+    return f"+- {sigma:.0f} m (1 sigma, along the worse horizontal axis)"
 
 
 def _toward(distance: float, positive: str, negative: str) -> str:
@@ -324,8 +348,14 @@ def _motion_lines(orbits: list[dict[str, Any]]) -> Iterator[str]:
     known = [n for n in windy if orbits[n - 1]["margin_of"] == MarginOf.WIND.value]
     if known:
         yield f"Margin and settling time on {_orbits(known)} are those of the motion in the wind."
-    if len(windy) > len(known):
-        others = [n for n in windy if n not in known]
+    yet = [n for n in windy if orbits[n - 1]["margin_of"] == MarginOf.NOT_YET.value]
+    if yet:
+        yield (
+            f"How stable the motion in the wind is on {_orbits(yet)} was not known yet when "
+            "it was left."
+        )
+    others = [n for n in windy if n not in known and n not in yet]
+    if others:
         yield f"How stable the motion in the wind is on {_orbits(others)} is not known."
     bad = [n for n, orbit in enumerate(orbits, 1) if orbit["end_mass_motion"] == UNMODELLED]
     if bad:
