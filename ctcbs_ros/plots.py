@@ -142,18 +142,21 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
         if np.isfinite(relative := _column(predictions, name)).any()
     ]
     margin, jump, strip = figure.subplots(
-        3, sharex=True, height_ratios=(3.0, 2.0 if jumps else 0.3, 0.4 + 0.35 * len(codes))
+        3, height_ratios=(3.0, 2.0 if jumps else 0.3, 0.4 + 0.35 * len(codes))
     )
+    jump.sharex(margin)
+    margin.tick_params(labelbottom=False)
     decay = _column(predictions, "margin_per_s")
     margin.plot(*_broken(time, decay), color=MASS)
-    margin.axhline(0.0, color="black", linewidth=0.8)
-    margin.axhline(
-        limits.low_margin_per_s, color=LIMIT, linestyle="--", linewidth=1.0,
-        label="limit of LOW_MARGIN",
-    )  # fmt: skip
     margin.set_ylabel("decay rate of the\nleast damped mode [1/s]")
-    _legend_above(margin)
-    if not np.isfinite(decay).any():
+    if np.isfinite(decay).any():
+        margin.axhline(0.0, color="black", linewidth=0.8)
+        margin.axhline(
+            limits.low_margin_per_s, color=LIMIT, linestyle="--", linewidth=1.0,
+            label="limit of LOW_MARGIN",
+        )  # fmt: skip
+        _legend_above(margin)
+    else:
         _say_instead(margin, "not known" if len(time) else "no prediction")
 
     if jumps:
@@ -171,7 +174,14 @@ def margin_figure(predictions: Table, samples: Table, limits: WarningLimits):
         _say_instead(jump, nothing if len(time) else "no prediction")
 
     _draw_warnings(strip, samples, codes)
-    strip.set_xlabel("time from the first believed sample [s]")
+    if len(time) > 1:  # above, of a long flight with a short turn the turn
+        _show_span(margin, time)
+        strip.axvspan(*margin.get_xlim(), color=MASS, alpha=0.12, label="time of the panels above")
+        _legend_above(strip)
+    else:
+        margin.set_xlim(strip.get_xlim())
+    jump.set_xlabel("time from the first believed sample [s]")
+    strip.set_xlabel("time from the first believed sample [s], whole log")
     for axes in (margin, jump, strip):
         axes.grid(alpha=0.3)
     return figure
@@ -250,9 +260,14 @@ def end_mass_figure(predictions: Table, samples: Table):
         elif axes is height and not known:
             _say_instead(axes, "not known: no height above home or ground")
         if np.isfinite(whole).any():
-            margin = 0.02 * (np.nanmax(whole) - np.nanmin(whole))
-            axes.set_xlim(np.nanmin(whole) - margin, np.nanmax(whole) + margin)
+            _show_span(axes, whole)
     return figure
+
+
+def _show_span(axes, time: np.ndarray) -> None:
+    """Let the panels show some times from first to last, and a little more."""
+    first, last = np.nanmin(time), np.nanmax(time)
+    axes.set_xlim(first - 0.02 * (last - first), last + 0.02 * (last - first))
 
 
 def beacon_figure(beacon: Table, samples: Table):
@@ -338,6 +353,8 @@ def _draw_orbit(
     elif radius is not None:
         without = " without wind" if orbit.get("end_mass_motion") == UNKNOWN else ""
         text += f", end mass {radius:.2f} m{without}"
+        spread = orbit.get("end_mass_horizontal_std_m")
+        text += "" if spread is None else f", its place +- {spread:.0f} m"
         end_mass = center + radius * turn
     circle = center + orbit["radius_m"] * turn
     axes.plot(circle.real, circle.imag, **dashed, label=text)

@@ -104,6 +104,48 @@ def test_a_margin_that_is_never_known_is_said_to_be_not_known(tmp_path):
         assert [text.get_text() for text in axes.texts] == said
 
 
+def test_margins_are_drawn_over_the_time_of_the_predictions_and_warnings_over_the_log(tmp_path):
+    limits = load_configuration(DRONE).limits
+    samples = table_of(SAMPLE_COLUMNS, [{"time_s": t} for t in range(1000)])
+    rows = [{"time_s": t, "margin_per_s": 0.1} for t in range(940, 960)]
+    margin, jump, strip = shown(
+        plots.margin_figure(table_of(PREDICTION_COLUMNS, rows), samples, limits), tmp_path
+    ).axes
+    for axes in (margin, jump):
+        assert 930.0 < axes.get_xlim()[0] < 940.0
+        assert 959.0 < axes.get_xlim()[1] < 970.0
+    assert strip.get_xlim() == (0.0, 999.0)
+    assert [text.get_text() for text in strip.get_legend().texts] == ["time of the panels above"]
+    none = plots.margin_figure(table_of(PREDICTION_COLUMNS), samples, limits)
+    assert shown(none, tmp_path).axes[0].get_xlim() == (0.0, 999.0)
+
+
+def test_no_line_goes_through_the_words_in_the_place_of_a_margin(tmp_path):
+    limits = load_configuration(DRONE).limits
+    samples = table_of(SAMPLE_COLUMNS, [{"time_s": t} for t in range(100)])
+    unknown = table_of(PREDICTION_COLUMNS, [{"time_s": t} for t in range(100)])
+    for predictions in (unknown, table_of(PREDICTION_COLUMNS)):
+        margin = shown(plots.margin_figure(predictions, samples, limits), tmp_path).axes[0]
+        (text,) = margin.texts
+        assert not any(
+            text.get_window_extent().overlaps(line.get_window_extent())
+            for line in margin.lines if np.isfinite(line.get_ydata()).any()
+        )
+
+
+def test_the_legend_of_the_track_tells_how_well_the_end_masss_place_is_known(tmp_path):
+    orbit = {
+        "turns": 2.0, "radius_m": 60.0, "end_mass_radius_m": 30.123, "end_mass_motion": "unknown",
+        "end_mass_horizontal_std_m": 48.6,
+    }  # fmt: skip
+    figure = plots._figure(5.0, 5.0)
+    axes = figure.subplots()
+    plots._draw_orbit(axes, 1, orbit, 0.0, 0.0, "black")
+    (label,) = [str(line.get_label()) for line in axes.lines if "orbit 1" in str(line.get_label())]
+    assert "end mass 30.12 m" in label
+    assert label.endswith(", its place +- 49 m")
+
+
 def test_legend_of_the_end_mass_lies_below_its_curves(tmp_path):
     rows = [
         {"time_s": t, "end_mass_east_m": 30.0, "end_mass_north_m": 0.0, "end_mass_up_m": -90.0,
