@@ -79,9 +79,9 @@ def through_gap(
 ) -> tuple[Pieces, np.ndarray]:
     """The path between two samples far apart.
 
-    What both ends are off the course is a cubic in time: without a course, the path itself. A
-    filter that turns off its last acceleration instead is 60 m off after 10 s, one that goes back
-    from the sample after the gap as much.
+    What its ends are off the course is a cubic in time; without a course that is the path itself.
+    A filter's way from its last acceleration on is 60 m off after 10 s, that back from the sample
+    after the gap as much.
 
     Parameters
     ----------
