@@ -14,6 +14,7 @@ from ctcbs_ros.prediction.prediction import Jump
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import end_mass_fields, prediction_record
 from ctcbs_ros.replay import core
+from ctcbs_ros.replay.motion_kind import IN_WIND
 from ctcbs_ros.replay.summary import _between
 from ctcbs_ros.table import table_for
 from ctcbs_ros.telemetry.source import open_log
@@ -146,3 +147,21 @@ def test_a_loop_between_the_points_remembered_of_it_is_that_of_its_harmonics():
         return np.column_stack((east, -7.0 + 19.0 * np.sin(turn) + np.cos(3.0 * turn)))
 
     assert _between(loop(12)) == pytest.approx(loop(24), abs=1e-9)
+
+
+def test_the_place_of_an_end_mass_has_its_error_in_still_air_and_where_nobody_knows_the_wind(
+    core_replay,
+):
+    records, summary = core_replay
+    (orbit,) = summary["orbits"]
+    assert orbit["end_mass_motion"] != IN_WIND
+    errors = [
+        (record["end_mass_east_std_m"], record["end_mass_north_std_m"])
+        for record in records
+        if record["valid"] and record["pose_holds"]
+    ]
+    # Of one sigma along the worse of all directions.
+    least = min(max(pair) for pair in errors)
+    greatest = max(np.hypot(*pair) for pair in errors)
+    assert least <= orbit["end_mass_horizontal_std_m"] * 1.000001
+    assert orbit["end_mass_horizontal_std_m"] <= greatest

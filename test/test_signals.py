@@ -3,8 +3,10 @@
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from processes import LIMIT
 
 HAMMERED = """
 import os, signal, subprocess, sys, threading
@@ -53,3 +55,23 @@ def test_ignored_signals_do_not_break_the_end_of_python():
     code = code.replace("signals.ignore()", "signals.absorb()")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode in (-signal.SIGINT, -signal.SIGTERM)  # the test sees the difference
+
+
+LOST = """
+import sys
+from ctcbs_ros.nodes import predictor
+try:
+    predictor._stop(2, None)
+except SystemExit:
+    pass  # as in a callback of compiled code, or an import that goes on
+sys.argv = ["predictor", "--ros-args", "--params-file", sys.argv[1]]
+sys.exit(predictor._run())
+"""
+
+
+def test_a_signal_in_the_nodes_start_whose_exit_is_lost_ends_it_all_the_same():
+    parameters = Path(__file__).parents[1] / "config" / "small_drone.yaml"
+    command = [sys.executable, "-c", LOST, str(parameters)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT)
+    assert done.returncode == 0
+    assert "ready" not in done.stdout + done.stderr

@@ -4,10 +4,14 @@ import argparse
 import signal
 import sys
 from contextlib import suppress
+from threading import Event
 
 from ctcbs_ros import signals
 from ctcbs_ros.nodes.heap import keep_large_blocks_apart
 
+# What a signal in the start has asked for: its SystemExit is lost where it comes amid a callback
+# of compiled code, or in an import that goes on without what it could not have.
+_asked_to_stop = Event()
 NO_ROS = (
     "needs ROS 2 (rclpy), which is not here: source a ROS installation, "
     "or pip install 'ctcbs_ros[ros]'"
@@ -61,8 +65,10 @@ def _run() -> int:
         return _refuse(f"{reason}; {FORM}" if "params file" in reason else reason)
     node = None
     try:
-        node = PredictorNode()
-        spin(node)
+        if not _asked_to_stop.is_set():
+            node = PredictorNode()
+        if not _asked_to_stop.is_set():
+            spin(node)
     except InputError as error:
         return _refuse(str(error))
     except ExternalShutdownException:
@@ -100,6 +106,7 @@ def spin(node) -> None:
 
 
 def _stop(_number, _frame) -> None:
+    _asked_to_stop.set()
     signals.absorb()
     sys.exit(0)
 

@@ -22,8 +22,8 @@ AHEAD = ("ahead_east_m", "ahead_north_m", "ahead_depth_m", "ahead_radius_m")
 # Of the end mass's motion in wind, about the circle's centre.
 MOTION = (
     "end_mass_east_m", "end_mass_north_m", "end_mass_downwind_m", "end_mass_crosswind_m",
-    "end_mass_horizontal_std_m", "end_mass_excursion_m", "end_mass_least_depth_m",
-    "end_mass_greatest_depth_m", "end_mass_lowest_above_home_m",
+    "end_mass_excursion_m", "end_mass_least_depth_m", "end_mass_greatest_depth_m",
+    "end_mass_lowest_above_home_m",
 )  # fmt: skip
 LOOP_POINTS = 12  # by which the loop of that is kept
 
@@ -39,6 +39,7 @@ MOMENT = np.dtype([
     ("wind_from", "f4"),  # [deg]; nan also in a wind weaker than its error
     ("wind_source", "i1"),  # of `SOURCES`, or -1
     ("kind", "i1"),  # of `KINDS`
+    ("spread", "f4"),  # one sigma of the end mass's place [m]; nan where no pose holds
     ("motion", "f4", len(MOTION)),  # nan where there is none in the wind
     ("loop", "f4", (LOOP_POINTS, 2)),  # east and north of the circle's centre [m], likewise
     ("margin", "f4"),  # decay of a disturbance [1/s], nan where not known
@@ -142,6 +143,7 @@ def _moment(prediction: Prediction, kind: str, worth: float, counts: tuple[int, 
         wind.from_direction if told else nan,
         -1 if wind is None else SOURCES.index(wind.source),
         KINDS.index(kind),
+        _spread(prediction),
         _motion(prediction, kind),
         _loop(prediction, kind),
         end_mass.margin.per_second,
@@ -154,6 +156,13 @@ def _moment(prediction: Prediction, kind: str, worth: float, counts: tuple[int, 
     )
 
 
+def _spread(prediction: Prediction) -> float:
+    """One sigma of the end mass's place along its worse horizontal axis [m]."""
+    if not prediction.pose_holds:
+        return nan
+    return sqrt(np.linalg.eigvalsh(prediction.end_mass.covariance[:2, :2])[-1])
+
+
 def _motion(prediction: Prediction, kind: str) -> tuple[float, ...]:
     """The numbers of `MOTION`."""
     if kind != IN_WIND:
@@ -163,10 +172,9 @@ def _motion(prediction: Prediction, kind: str) -> tuple[float, ...]:
     off = complex(nan, nan)
     if wind.speed > wind.sigma:
         off = complex(east, north) / complex(*wind.velocity) * wind.speed
-    spread = sqrt(np.linalg.eigvalsh(end_mass.covariance[:2, :2])[-1])
     depth = center[2] - end_mass.circle()[:, 2]
     return (
-        east, north, off.real, off.imag, spread, end_mass.excursion, depth.min(), depth.max(),
+        east, north, off.real, off.imag, end_mass.excursion, depth.min(), depth.max(),
         end_mass.lowest_height_above_home,
     )  # fmt: skip
 

@@ -154,7 +154,7 @@ class Summary:
         state = None
         wind = dict.fromkeys(("wind_speed_m_s", "wind_std_m_s", "wind_from_deg", "wind_source"))
         motion = dict.fromkeys(("end_mass_motion", "wind_unmodelled_share", *MOTION))
-        motion["end_mass_loop_m"] = None
+        motion |= dict.fromkeys(("end_mass_horizontal_std_m", "end_mass_loop_m"))
         if len(here):
             newest = here[-1]
             wind, motion = _wind(newest), _motion(here)
@@ -256,11 +256,13 @@ def _motion(here: np.ndarray) -> dict[str, Any]:
         "wind_unmodelled_share": float(here["not_modelled"].sum() / here["count"].sum()),
     }
     if IN_WIND not in kinds:
-        return found | dict.fromkeys((*MOTION, "end_mass_loop_m"))
+        spread = {"end_mass_horizontal_std_m": finite(float(here[-1]["spread"]))}
+        return found | spread | dict.fromkeys((*MOTION, "end_mass_loop_m"))
     newest = here[len(kinds) - 1 - kinds[::-1].index(IN_WIND)]
     return {
         **found,
         "end_mass_motion": IN_WIND,
+        "end_mass_horizontal_std_m": finite(float(newest["spread"])),
         **_named(MOTION, newest["motion"]),
         "end_mass_loop_m": _between(newest["loop"]).round(2).tolist(),
     }
