@@ -242,6 +242,29 @@ def test_no_pose_fix_or_marker_without_the_motion_in_the_wind_but_the_record_and
     assert len(published.messages["end_mass/pose"]) == 1
 
 
+@pytest.mark.parametrize("how", ["no longer valid", "silence"])
+def test_margins_end_with_one_nan_when_they_are_no_longer_known(how):
+    published = Published()
+    outputs = Outputs(published, "map", with_cable=False, complete=False)
+    lost = prediction(orbit=None, end_mass=None)
+
+    def end():
+        if how == "silence":
+            outputs.hide()
+        else:
+            outputs.publish(lost, None, 1.0)
+
+    margins = [published.messages[name] for name in ("stability_margin", "jump_margin")]
+    end()
+    assert margins == [[], []]
+    outputs.publish(prediction(), None, 1.0)
+    end()
+    end()
+    outputs.publish(prediction(), None, 1.0)
+    for published_margins in margins:
+        assert [isnan(message.data) for message in published_margins] == [False, True, False]
+
+
 def test_deletions_name_each_marker_to_take_away():
     gone = deletions({("cable", 0), ("other_solutions", 1)}, "map")
     assert [(m.ns, m.id, m.action) for m in gone] == [

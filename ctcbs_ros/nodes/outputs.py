@@ -2,7 +2,7 @@
 
 import json
 from collections import deque
-from math import ceil
+from math import ceil, nan
 
 from geometry_msgs.msg import PointStamped, PoseWithCovarianceStamped, Vector3Stamped
 from rclpy.duration import Duration
@@ -87,6 +87,7 @@ class Outputs:
         self._frame_id = frame_id
         self._with_cable = with_cable
         self._shown: set[Name] = set()  # markers that stand
+        self._margins_stand = False
         self._datum: Datum | None = None
 
         qos = COMPLETE if complete else LIVE
@@ -151,6 +152,8 @@ class Outputs:
                 self._publish_end_mass(prediction)
             if prediction.valid:
                 self._publish_margins(prediction)
+            else:
+                self._end_margins()
             if prediction.simulated is not None and prediction.simulated.valid:
                 self._simulated.publish(messages.simulated_pose(prediction, self._frame_id))
             self._show(self._markers(prediction, lifetime))
@@ -181,8 +184,9 @@ class Outputs:
         self._summary.publish(String(data=json.dumps(summary, allow_nan=False)))
 
     def hide(self) -> None:
-        """Take away the markers, as what they show is no longer known."""
+        """Take away markers and margins, as what they show is no longer known."""
         self._show([])
+        self._end_margins()
 
     def _publish_end_mass(self, prediction: Prediction) -> None:
         self._pose.publish(messages.end_mass_pose(prediction, self._frame_id))
@@ -194,6 +198,14 @@ class Outputs:
         end_mass = prediction.end_mass
         self._margin.publish(Float64(data=end_mass.margin.per_second))
         self._jump_margin.publish(Float64(data=end_mass.jump_margin))
+        self._margins_stand = True
+
+    def _end_margins(self) -> None:
+        # A display shows the last value for as long as no other comes.
+        if self._margins_stand:
+            self._margin.publish(Float64(data=nan))
+            self._jump_margin.publish(Float64(data=nan))
+            self._margins_stand = False
 
     def _publish_datum(self, prediction: Prediction, datum: Datum | None) -> None:
         if datum is not None and datum != self._datum:
