@@ -196,7 +196,7 @@ def flown(tmp_path_factory, drone_table):
 
 
 def known(margins):
-    """Those that are numbers: a nan follows where the end of the flight is seen first."""
+    """Those that are numbers: a nan follows when the silence after the flight is seen."""
     return [margin for margin in margins if not isnan(margin.data)]
 
 
@@ -210,7 +210,7 @@ def all_received(received):
         nanoseconds(poses[-1].header.stamp) == LAST_STAMP_NS
         and nanoseconds(received["end_mass_fix"][-1].header.stamp) == LAST_STAMP_NS
         and nanoseconds(received["orbit_center"][-1].header.stamp) == LAST_STAMP_NS
-        and all(len(known(received[name])) == len(poses) for name in MARGINS)
+        and all(len(received[name]) >= len(poses) for name in MARGINS)
         and nanoseconds(received["cable"][-1].markers[-1].header.stamp) == LAST_STAMP_NS
         and counted == str(len(received["prediction"]))
     )
