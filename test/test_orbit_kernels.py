@@ -214,7 +214,7 @@ def test_a_spiral_is_told_from_a_circle_over_half_a_turn():
         fit = fit_circle(points, velocities, np.full(60, 1.5), np.full(60, 0.3))
         change, variance, _ = widening(
             points, velocities, np.linspace(-8.0, 0.0, 60), fit.circle, False, angle, fit.radial,
-            fit.along, fit.weight, np.zeros(60), 45.0,
+            fit.along, fit.weight, np.zeros(60), 45.0, (0.0, np.inf),
         )
         # Huber's weights, those of a circle, shrink a large change by some 15 %.
         assert abs(change - 0.85 * growth) < 3.0 * np.sqrt(variance)

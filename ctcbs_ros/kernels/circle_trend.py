@@ -11,7 +11,7 @@ _TURN = 2.0 * np.pi
 @kernel
 def widening(
     points, velocities, age, circle, drifts, angle, radial, along, weight, correlated_sigma,
-    correlation_time,
+    correlation_time, by_course,
 ):
     """Change of the radius in a turn and its variance, the circle fitted anew beside it.
 
@@ -37,6 +37,8 @@ def widening(
         Standard deviation of the Gauss-Markov error of the position of one axis [m].
     correlation_time : float
         [s]
+    by_course : (float, float)
+        The same change and its variance, as `course_widening` knows it.
 
     Returns
     -------
@@ -52,6 +54,8 @@ def widening(
     for i in range(n):
         count += weight[1, i] > 0.0
     late = 1 if count > n + 4 else 0
+    known = by_course[1] < np.inf
+    count += known
     drift = 4 + late
     design = np.zeros((count, drift + (2 if drifts else 0)))
     off, trust = np.empty(count), np.empty(count)
@@ -77,6 +81,8 @@ def widening(
                 design[j, drift + 1] = uy + age[i] * swept * ux
             off[j], trust[j] = along[i], weight[1, i]
             j += 1
+    if known:
+        design[j, 3], off[j], trust[j] = 1.0, by_course[0], 1.0 / by_course[1]
     k = design.shape[1]
     solution, inverse = np.empty(k), np.empty((k, k))
     squares, determined = least_squares(design, off, trust, solution, inverse)

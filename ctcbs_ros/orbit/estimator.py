@@ -16,6 +16,7 @@ import numpy as np
 from ctcbs_ros.kernels.circle_angles import continuous_angles, mean_rate, newest_phase
 from ctcbs_ros.kernels.circle_errors import clipped_rms, larger_rms
 from ctcbs_ros.kernels.circle_trend import widening
+from ctcbs_ros.kernels.course_trend import course_widening
 from ctcbs_ros.kernels.track import joined_circle
 from ctcbs_ros.orbit.circle_fit import CircleFit
 from ctcbs_ros.orbit.noise import (
@@ -316,9 +317,14 @@ class OrbitEstimator:
         sense = 1 if angle[-1] > angle[0] else -1
         # What is stated in all, or the scatter alone where that is more.
         sigma = larger_rms(position_sigma, samples.white_sigma, samples.correlated_sigma)
+        by_course = (0.0, inf)
+        if not drifts:
+            by_course = course_widening(
+                samples.velocities, samples.age, fit.radius, velocity_sigma, arc > s.drift_arc
+            )
         widened = widening(
             fit.points, fit.velocities, samples.age, fit.circle, drifts, angle, fit.radial,
-            fit.along, fit.weight, samples.correlated_sigma, s.correlation_time,
+            fit.along, fit.weight, samples.correlated_sigma, s.correlation_time, by_course,
         )
         least_arc = self._least_arc(samples, sense)
         against = objection(fit, samples, angle, least_arc, sigma, widened, flown, s)
