@@ -14,6 +14,7 @@ from ctcbs_ros.kernels.circle_angles import (
 )
 from ctcbs_ros.kernels.circle_covariance import propagate
 from ctcbs_ros.kernels.circle_trend import lag, widening
+from ctcbs_ros.kernels.course_trend import course_widening
 from ctcbs_ros.kernels.regression import invert_normal, least_squares, line
 from ctcbs_ros.orbit.circle_fit import HUBER, drifting_start, fit_circle
 
@@ -290,3 +291,45 @@ def test_a_circle_lags_behind_a_growing_radius_by_what_is_said(turns, sense, dri
     # Metres, metres a second, milliradians.
     units = np.array([1.0] * len(fit.inverse) + [1e3, 1e3])
     assert off * units == pytest.approx(growth * moved * units, rel=0.02, abs=3e-4)
+
+
+@pytest.mark.parametrize("drifts", [False, True])
+@pytest.mark.parametrize("sense", [1, -1])
+def test_the_course_over_the_way_flown_tells_a_spiral_within_what_is_stated(sense, drifts):
+    # Archimedes' spiral, at a speed that varies; with a drift of the air where one is fitted.
+    random = np.random.default_rng(12)
+    time = np.arange(0.0, 16.0 if drifts else 9.0, 0.2)
+    angle = 0.38 * time + 0.03 * np.sin(time)
+    swept = 0.38 + 0.03 * np.cos(time)
+    for growth in (0.0, 12.0):
+        radius = 50.0 + growth * (angle - angle[-1]) / (2.0 * np.pi)
+        out = np.column_stack([np.cos(angle), sense * np.sin(angle)])
+        along = np.column_stack([-np.sin(angle), sense * np.cos(angle)])
+        velocity = (growth / (2.0 * np.pi) * swept)[:, None] * out
+        velocity += (radius * swept)[:, None] * along
+        if drifts:
+            velocity += (0.8, -0.5)
+        found, stated = [], []
+        for _ in range(300):
+            change, variance = course_widening(
+                velocity + random.normal(0.0, 0.3, velocity.shape), time - time[-1], 50.0,
+                np.full(len(time), 0.3), drifts,
+            )
+            found.append(change)
+            stated.append(variance)
+        deviation = np.sqrt(np.mean(stated))
+        # Over half a turn the positions, good to 1.5 m, tell it to 4 m a turn.
+        assert deviation < 3.0
+        # What a drift does is that on a circle: of a spiral it misses a tenth.
+        assert np.mean(found) == pytest.approx(growth, abs=0.5 * deviation + 0.1 * growth)
+        assert 0.6 < np.std(found) / deviation < 1.1
+
+
+def test_the_course_tells_nothing_without_velocities_or_on_the_spot():
+    age = np.linspace(-8.0, 0.0, 40)
+    velocities = 20.0 * np.column_stack([np.cos(0.4 * age), np.sin(0.4 * age)])
+    sigma = np.full(40, 0.3)
+    assert np.isfinite(course_widening(velocities, age, 50.0, sigma, False)[1])
+    for nothing in (np.nan, 0.0):
+        velocities[7] = nothing
+        assert course_widening(velocities, age, 50.0, sigma, False)[1] == np.inf

@@ -195,12 +195,7 @@ def taken_for_orbits(shape: str, runs: int, seed: int = SEEDS["taken_for_orbits"
 
 # Half a turn and the samples until it is seen that no more follows; the first lobe of an eight is
 # three quarters of a turn, and no other is taken for an orbit.
-# Over half a small turn noise hides a spiral of 20 % a turn.
-_MOST_TAKEN = {
-    "figure of eight": 0.07,
-    "half a turn": 0.07,
-    "spiral from 40 to 60 m, 20 % a turn": 0.08,
-}
+_MOST_TAKEN = {"figure of eight": 0.07, "half a turn": 0.07}
 _MOST_TAKEN_ELSE = 0.05
 
 
