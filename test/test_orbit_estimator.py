@@ -363,3 +363,28 @@ def test_a_copters_turns_known_hardly_at_all_are_no_orbits():
     orbits = [fix.orbit for _, _, fix in fixes_of("copter_reboot.tlog") if fix.orbit is not None]
     assert len(orbits) > 40
     assert all(np.sqrt(orbit.covariance[3, 3]) < 0.15 * orbit.radius for orbit in orbits)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_speed_that_grows_is_followed_and_the_rate_says_how_far_behind(sense):
+    # 10 % a turn from the second turn on; the mean of the last turn is 5 % behind.
+    seen = 0
+    for seed in range(5):
+        random, estimator = np.random.default_rng([seed, 9]), OrbitEstimator()
+        angle = 0.0
+        for i in range(300):
+            speed = 20.0 * (1.0 + 0.1 * max(angle / TURN - 1.0, 0.0))
+            out = np.array([np.cos(sense * angle), np.sin(sense * angle)])
+            place = np.append(60.0 * out, 100.0) + random.normal(0.0, 1.5, 3)
+            velocity = np.append(sense * speed * np.array([-out[1], out[0]]), 0.0)
+            velocity += random.normal(0.0, 0.3, 3)
+            orbit = estimator.add(0.2 * i, place, velocity, 1.5, 0.3).orbit
+            if angle > 1.6 * TURN:
+                assert orbit is not None
+                rate = orbit.angular_rate
+                assert 0.03 < 1.0 - rate * 60.0 / speed < 0.07
+                seen += abs(rate - speed / 60.0) < 1.96 * np.sqrt(orbit.covariance[4, 4])
+            angle += 0.2 * speed / 60.0
+            if angle > 2.2 * TURN:
+                break
+    assert seen > 0.95 * 5 * 45

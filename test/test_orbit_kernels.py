@@ -15,6 +15,7 @@ from ctcbs_ros.kernels.circle_angles import (
 from ctcbs_ros.kernels.circle_covariance import propagate
 from ctcbs_ros.kernels.circle_trend import lag, widening
 from ctcbs_ros.kernels.course_trend import course_widening
+from ctcbs_ros.kernels.rate_trend import rate_lag
 from ctcbs_ros.kernels.regression import invert_normal, least_squares, line
 from ctcbs_ros.orbit.circle_fit import HUBER, drifting_start, fit_circle
 
@@ -333,3 +334,63 @@ def test_the_course_tells_nothing_without_velocities_or_on_the_spot():
     for nothing in (np.nan, 0.0):
         velocities[7] = nothing
         assert course_widening(velocities, age, 50.0, sigma, False)[1] == np.inf
+
+
+def turned_ever_faster(growth, swing, turns, sense, random, of_position=1.5, of_velocity=0.3):
+    """Track about (3, -2) on 60 m at 20 m/s, faster by a share `growth` in a turn."""
+    mean = sense * 20.0 / 60.0
+    turn = 2.0 * np.pi / abs(mean)
+    time = np.arange(0.0, turns * turn, 0.2)
+    since = time - 0.5 * time[-1]
+    angle = mean * (since + growth * since**2 / (2.0 * turn))
+    rate = mean * (1.0 + growth * since / turn) * (1.0 + swing * np.cos(angle))
+    angle += swing * np.sin(angle)
+    out = np.column_stack([np.cos(angle), np.sin(angle)])
+    along = np.column_stack([-np.sin(angle), np.cos(angle)])
+    points = (3.0, -2.0) + 60.0 * out + random.normal(0.0, of_position, out.shape)
+    velocities = 60.0 * rate[:, None] * along + random.normal(0.0, of_velocity, out.shape)
+    return time, points, velocities, mean, mean * growth * 0.5 * turns
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize(
+    ("growth", "swing"), [(0.1, 0.0), (-0.1, 0.0), (0.05, 0.2), (0.0, 0.2)]
+)
+@pytest.mark.parametrize("turns", [1.0, 1.3])
+def test_the_rate_is_above_its_mean_by_what_a_speed_that_grows_makes_of_it(
+    growth, swing, turns, sense
+):
+    random, circle = np.random.default_rng(5), np.array([3.0, -2.0, 60.0])
+    found, stated = [], []
+    for _ in range(200):
+        time, points, velocities, mean, lag_true = turned_ever_faster(
+            growth, swing, turns, sense, random
+        )
+        angle = np.empty(len(time))
+        continuous_angles(points, 3.0, -2.0, time, mean, angle)
+        sigmas = np.full((2, len(time)), [[1.5], [0.3]])
+        lag_found, variance = rate_lag(points, velocities, circle, time, angle, *sigmas, mean)
+        found.append(lag_found / mean)
+        stated.append(variance / mean**2)
+    deviation = np.sqrt(np.mean(stated))
+    assert deviation < 0.01
+    # Of a change in a wind of a fifth of the speed a quarter passes for wind over one turn.
+    assert np.mean(found) == pytest.approx(
+        lag_true / mean, abs=0.002 + (0.3 * abs(lag_true / mean) if swing else 0.0)
+    )
+    assert 0.8 < np.std(found) / deviation < 1.4
+
+
+def test_without_velocities_the_angles_alone_tell_how_the_rate_changes():
+    random, circle = np.random.default_rng(6), np.array([3.0, -2.0, 60.0])
+    time, points, velocities, mean, lag_true = turned_ever_faster(
+        0.1, 0.0, 1.0, 1, random, 0.05, np.nan
+    )
+    angle = np.empty(len(time))
+    continuous_angles(points, 3.0, -2.0, time, mean, angle)
+    sigmas = np.full((2, len(time)), [[0.05], [0.3]])
+    found, variance = rate_lag(points, velocities, circle, time, angle, *sigmas, mean)
+    assert found == pytest.approx(lag_true, abs=3.0 * np.sqrt(variance))
+    assert np.sqrt(variance) < 0.05 * lag_true
+    sigmas[:] = np.nan
+    assert rate_lag(points, velocities, circle, time, angle, *sigmas, mean)[1] == np.inf

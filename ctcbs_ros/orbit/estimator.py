@@ -17,6 +17,7 @@ from ctcbs_ros.kernels.circle_angles import continuous_angles, mean_rate, newest
 from ctcbs_ros.kernels.circle_errors import clipped_rms, larger_rms
 from ctcbs_ros.kernels.circle_trend import widening
 from ctcbs_ros.kernels.course_trend import course_widening
+from ctcbs_ros.kernels.rate_trend import rate_lag
 from ctcbs_ros.kernels.track import joined_circle
 from ctcbs_ros.orbit.circle_fit import CircleFit
 from ctcbs_ros.orbit.noise import (
@@ -60,6 +61,8 @@ _SHARES = (1.0, 0.75, 0.55)
 _TWO_CIRCLES = 2.0
 # Part of a turn from which a fit to all of the window shows a change for what it is.
 _WHOLE = 0.95
+# Standard deviations from which a change of the rate is seen.
+_SEEN = 2.0
 # Time for which a circle left early makes the next one need more evidence, in turns of it.
 _DOUBTFUL = 2.0
 # Time for which a circle is remembered once lost, in turns of it.
@@ -353,6 +356,13 @@ class OrbitEstimator:
         of_circle += lag_covariance(
             fit, samples, angle, operators, rate, widened, shortened, off, s
         )
+        if arc > _WHOLE * TURN:
+            lag, chance = rate_lag(
+                fit.points, fit.velocities, fit.circle, time, angle, position_sigma,
+                velocity_sigma, rate,
+            )
+            if lag**2 > _SEEN**2 * chance:
+                of_circle[-2, -2] += lag**2 - chance
         if not of_circle[2, 2] < (s.known_share * fit.radius) ** 2:
             return Objection(
                 f"the radius of {fit.radius:.0f} m is known to +-{sqrt(of_circle[2, 2]):.1f} m, "
