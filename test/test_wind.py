@@ -345,6 +345,32 @@ def test_the_autopilots_wind_is_used_while_it_is_fresh_then_the_flights_then_the
     assert user_wind(SetWind()) is None
 
 
+@pytest.mark.parametrize(
+    ("by_user", "then"),
+    [(None, WindSource.FLIGHT), (user_wind(SetWind(5.0, 270.0, 2.0)), WindSource.PARAMETER)],
+)
+def test_a_contradicted_autopilot_is_not_believed_again_while_the_flights_wind_is_known(
+    by_user, then
+):
+    choice = WindChoice(by_user)
+    choice.shown(shown([4.2, -5.6]))
+    # 0.4 m/s, then 1.45, 1.8 and 2.45.
+    flight = WindSource.FLIGHT
+    for age, source in ((0.0, flight), (195.0, flight), (300.0, then), (585.0, then)):
+        choice.told(age, (-6.0, 8.0, 0.0), nan)
+        assert choice.at(age).source is source
+    # Then nobody knows better.
+    choice.told(620.0, (-6.0, 8.0, 0.0), nan)
+    assert choice.at(620.0).source is WindSource.AUTOPILOT
+
+
+def test_the_flights_own_wind_is_forgotten_when_it_is_too_old():
+    choice = WindChoice()
+    choice.shown(shown([4.2, -5.6]))
+    assert choice.at(595.0).sigma == pytest.approx(2.47, abs=0.01)
+    assert choice.at(620.0) is None
+
+
 def test_an_autopilot_that_the_flight_contradicts_is_not_believed():
     choice = WindChoice()
     choice.shown(shown([4.2, -5.6]))

@@ -5,7 +5,8 @@ The rule, in this order:
 1. the autopilot's, while it is fresh, unless the flight shows another one;
 2. the flight's own, while its standard deviation is below a limit;
 3. the one set by parameters;
-4. none.
+4. the flight's own while it is known at all;
+5. none.
 
 An autopilot's wind without a stated error is known no better than it has changed lately: an
 estimate that begins at nought, or at the wind of another height, takes some turns to converge.
@@ -32,8 +33,9 @@ FRESH = 10.0
 AUTOPILOT_SIGMA = 1.5
 # Time over which its changes count as its error as well, and the least between two kept [s].
 _RECENT, _APART = 60.0, 2.0
-# Standard deviation up to which the flight's own wind is used [m/s].
-MOST_SIGMA = 1.5
+# Standard deviation up to which the flight's own wind is preferred to the user's, and up to which
+# it is known at all: an autopilot that it contradicts is not believed again as soon as it ages.
+MOST_SIGMA, KEPT_SIGMA = 1.5, 2.5  # [m/s]
 # Growth of its variance with its age, 1 m/s in 100 s [(m/s)^2/s].
 _AGEING = 0.01
 # In the note of a flight's wind, before that of an autopilot which it contradicts.
@@ -113,8 +115,13 @@ class WindChoice:
             opposite = _turned(autopilot)
             if not contradict(opposite, flight):
                 note += ", the opposite: where it blows to"
-            return _noted(flight, note)
-        return believed or flight or self._by_user
+            return _noted(self._but_of_autopilot(flight), note)
+        return believed or self._but_of_autopilot(flight)
+
+    def _but_of_autopilot(self, flight: Wind | None) -> Wind | None:
+        if flight is not None and worst_sigma(flight.covariance) <= MOST_SIGMA:
+            return flight
+        return self._by_user or flight
 
     def _of_flight(self, time: float) -> Wind | None:
         shown = self._by_flight
@@ -122,7 +129,7 @@ class WindChoice:
             return None
         age = max(0.0, time - shown.time)
         covariance = shown.covariance + _AGEING * age * np.eye(2)
-        if worst_sigma(covariance) > MOST_SIGMA:
+        if worst_sigma(covariance) > KEPT_SIGMA:
             return None
         note = ", ".join(filter(None, (shown.relation, shown.note)))
         return Wind(shown.velocity, covariance, WindSource.FLIGHT, note)
