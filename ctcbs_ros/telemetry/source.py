@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ctcbs_ros.errors import InputError
 from ctcbs_ros.telemetry.beacon import BeaconSample, BeaconWanted
@@ -12,10 +13,12 @@ from ctcbs_ros.telemetry.dataflash_text import START as DATAFLASH_TEXT_START
 from ctcbs_ros.telemetry.dataflash_text import LineSplitter
 from ctcbs_ros.telemetry.link import LinkStatistics, Vehicle
 from ctcbs_ros.telemetry.mavlink import MavlinkDecoder
-from ctcbs_ros.telemetry.rosbag import BagSource, is_bag, open_bag
 from ctcbs_ros.telemetry.sample import Sample, Vector
 from ctcbs_ros.telemetry.ulog import UlogDecoder
 from ctcbs_ros.telemetry.ulog_messages import START as ULOG_START
+
+if TYPE_CHECKING:
+    from ctcbs_ros.telemetry.rosbag import BagSource
 
 CHUNK = 1 << 14
 # Bytes in which a log must show its format, and tell its vehicle if it can; and those in which a
@@ -99,7 +102,7 @@ def open_log(
     system: int | None = None,
     component: int | None = None,
     beacon: BeaconWanted | None = None,
-) -> LogSource | BagSource:
+) -> "LogSource | BagSource":
     """Open a flight log.
 
     Parameters
@@ -123,6 +126,9 @@ def open_log(
         If the file cannot be read, has no message of these formats in its first MiB, or cannot
         have the beacon asked for.
     """
+    # A node that listens to a link opens no log, and does without rosbags.
+    from ctcbs_ros.telemetry.rosbag import is_bag, open_bag
+
     path = Path(path)
     if is_bag(path):
         _require_beacon(path, beacon, "a bag", of_system=False, of_topic=True)
