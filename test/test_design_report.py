@@ -112,7 +112,7 @@ def test_text_begins_with_the_verdict_and_gives_each_remedy_as_an_option(weak):
 def test_text_of_a_good_design_says_how_much_of_its_nearest_limit_is_used(mended):
     text = design_text(mended)
     assert text.startswith("OK: one stable steady state at all ")
-    assert "nearest limit used to 99%: tension" in text or "used to 100%: tension" in text
+    assert "nearest limit used to 99 %: tension" in text or "used to 100 %: tension" in text
     assert "Remedies" not in text
 
 

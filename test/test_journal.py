@@ -224,3 +224,18 @@ def test_a_link_is_told_to_be_up_lost_and_back_and_not_each_time_that_it_flaps(j
     assert [line.partition(" for ")[0] for line in log.lines] == [
         f"INFO link: {up}", "WARN link: lost: nothing received", f"INFO link: {up}",
     ]  # fmt: skip
+
+
+def test_another_system_that_sends_positions_is_told_once_with_how_it_may_be_the_beacon(
+    journal, log
+):
+    for systems in ([], [1], [1, 42], [1, 42], [1, 42, 7]):
+        journal.others(systems, followed=1, with_beacon=False)
+    assert log.lines == [
+        f"INFO positions of system {system} come too, and are not used; if it is the payload's "
+        f"beacon, set beacon.system_id: {system}"
+        for system in (42, 7)
+    ]
+    log.lines.clear()
+    journal.others([9], followed=1, with_beacon=True)
+    assert log.lines == ["INFO positions of system 9 come too, and are not used"]

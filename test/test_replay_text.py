@@ -7,8 +7,8 @@ import pytest
 
 from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.replay.motion_kind import IN_WIND, STILL_AIR, UNKNOWN, UNMODELLED
-from ctcbs_ros.replay.text import SKIPS, WARNINGS, summary_text
-from ctcbs_ros.telemetry.skip_code import SkipCode
+from ctcbs_ros.replay.text import WARNINGS, summary_text
+from ctcbs_ros.telemetry.skip_code import SKIPS, SkipCode
 
 
 def test_text_of_the_summary_explains_each_warning_and_each_skip(core_replay):
@@ -129,7 +129,7 @@ def test_text_of_the_summary_tells_where_the_end_mass_is_in_wind(core_replay):
     assert "7.0 +- 0.5 m/s from 0 deg" in text
     row = next(line for line in text.splitlines() if line.startswith("    1  "))
     assert "in wind, see below" in row
-    assert "In 25% of the predictions on orbit 1 the motion in its wind was not known" in text
+    assert "In 25 % of the predictions on orbit 1 the motion in its wind was not known" in text
 
 
 def in_wind(core_replay, **changed):

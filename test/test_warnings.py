@@ -238,7 +238,7 @@ def texts_of(end_mass, **changed):
 
 def test_tension_beyond_breaking_and_a_mass_below_ground_are_said_to_be_so(end_mass):
     assert texts_of(end_mass, greatest_tension=99.0) == [
-        "tension 99.0 N is above 50% of the breaking tension 100 N"
+        "tension 99.0 N is above 50 % of the breaking tension 100 N"
     ]
     assert texts_of(end_mass, greatest_tension=101.0) == [
         "tension 101.0 N is above the breaking tension 100 N"

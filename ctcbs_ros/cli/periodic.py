@@ -206,7 +206,7 @@ def _print_table(result: dict, reason: str) -> None:
         f"the end mass by about {result['residual']:.1g} tow radii"
     )
     if result["source"] == "time-domain":
-        slack = f"; some of it is slack for {result['slack']:.0%} of a turn"
+        slack = f"; some of it is slack for {100.0 * result['slack']:.0f} % of a turn"
         print(
             f"of the cable flown in time, the same from turn to turn after {result['turns']}"
             + (slack if result["slack"] > 0.0 else "")

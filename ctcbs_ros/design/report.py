@@ -134,7 +134,8 @@ def _limits(design: Design) -> str:
         verdict = "OK" if limit.good else f"NOT OK: {limit.violated} of {limit.judged}"
         if limit.limit == inf:
             verdict = "not judged"
-        used = f"{limit.use:.0%}" if 0.0 < limit.use < 100.0 and isfinite(limit.limit) else ""
+        told = 0.0 < limit.use < 100.0 and isfinite(limit.limit)
+        used = f"{100.0 * limit.use:.0f} %" if told else ""
         rows.append((limit.phase, limit.criterion.value, verdict, used, limit.text))
     header = "phase", "criterion", "verdict", "limit used", "worst"
     return _table(header, rows, (3,))

@@ -33,7 +33,7 @@ def verdict_line(design: Design) -> str:
     )
     nearest = design.limiting
     if nearest is not None:
-        text += f"; nearest limit used to {nearest.use:.0%}: {nearest.text}"
+        text += f"; nearest limit used to {100.0 * nearest.use:.0f} %: {nearest.text}"
     return text
 
 

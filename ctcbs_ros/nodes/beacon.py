@@ -17,9 +17,10 @@ from ctcbs_ros.nodes.outputs import Outputs
 from ctcbs_ros.prediction.prediction import Prediction
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import Record
-from ctcbs_ros.replay.text import SKIPS, UNMATCHED
+from ctcbs_ros.replay.text import UNMATCHED
 from ctcbs_ros.telemetry.beacon import STAMPS, BeaconSample, CommonTime, stamp_offset
 from ctcbs_ros.telemetry.sample import Sample
+from ctcbs_ros.telemetry.skip_code import SKIPS
 from ctcbs_ros.telemetry.topics import TopicSamples
 
 # Standard deviations off that chance leaves one in a thousand.
@@ -118,7 +119,7 @@ class NodeBeacon:
         share = share_out_of_reach(self._of_length)
         if share is None:
             return level, text
-        doubt = f"{share:.0%} of the reports are out of the cable's reach: {LENGTH_HINT}"
+        doubt = f"{100.0 * share:.0f} % of the reports are out of the cable's reach: {LENGTH_HINT}"
         return DiagnosticStatus.WARN, f"{doubt}; {text}"
 
 

@@ -6,7 +6,7 @@ while. The flight's own clock tells the while, so that a flight replayed fast is
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import atan2, degrees, hypot, isfinite, isnan
 
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
@@ -57,6 +57,7 @@ class Journal:
         self._flight: int | None = None
         self._link = self._link_told = ""
         self._link_since = self._link_told_at = clock() - LINK_LINES
+        self._others_told: set[int] = set()
 
     # --- predictions ----------------------------------------------------------------------------
 
@@ -168,6 +169,15 @@ class Journal:
         else:
             return
         self._link_told, self._link_told_at = kind, now
+
+    def others(self, systems: Iterable[int], followed: int, with_beacon: bool) -> None:
+        """Take in the MAVLink systems whose positions are not used, and that which is followed."""
+        for system in sorted(set(systems) - self._others_told - {followed}):
+            self._others_told.add(system)
+            hint = "" if with_beacon else (
+                f"; if it is the payload's beacon, set beacon.system_id: {system}"
+            )
+            self._logger.info(f"positions of system {system} come too, and are not used{hint}")
 
 
 def _is_known(prediction: Prediction) -> bool:

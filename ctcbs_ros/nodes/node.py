@@ -173,6 +173,9 @@ class PredictorNode(Node):
     def _poll(self) -> None:
         self._name_vehicle()
         self._journal.link(self._live.state())
+        if self._vehicle is not None:
+            others = list(self._live.link.positions_of_others)
+            self._journal.others(others, self._vehicle.system, self._beacon is not None)
         until = time.monotonic() + POLL_TIME
         while (sample := self._live.take()) is not None:
             self._take(sample)

@@ -9,7 +9,7 @@ from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Level, Warning, WarningCode
 from ctcbs_ros.prediction.prediction import EndMass, EndMassState, Jump, Margin, MarginOf
 from ctcbs_ros.prediction.wind_choice import described
-from ctcbs_ros.telemetry.skip_code import SkipCode
+from ctcbs_ros.telemetry.skip_code import SKIPS, SkipCode
 
 GROUND_NOT_JUDGED = "nor are its stability and its height above the ground judged"
 WIND_NOT_KNOWN = (
@@ -49,7 +49,8 @@ def skip_warnings(skip: SkipCode) -> tuple[Warning, ...]:
     """BAD_FIX where a sample was skipped for what it says, not for when it came."""
     if skip in _OF_TIME:
         return ()
-    return (_warn(WarningCode.BAD_FIX, f"position not believed ({skip.value})"),)
+    text = f"position not believed ({skip.value}: {SKIPS[skip]})"
+    return (_warn(WarningCode.BAD_FIX, text),)
 
 
 def track_broken() -> Warning:
@@ -228,7 +229,7 @@ def tension_warnings(tension: float, cable: Cable, limits: WarningLimits) -> lis
         return []
     breaking = f"the breaking tension {cable.breaking_tension:g} N"
     if tension <= cable.breaking_tension:
-        breaking = f"{limits.tension_fraction:.0%} of {breaking}"
+        breaking = f"{100.0 * limits.tension_fraction:.0f} % of {breaking}"
     text = f"tension {tension:.1f} N is above {breaking}"
     return [_error(WarningCode.TENSION_LIMIT, text)]
 

@@ -11,23 +11,11 @@ from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.prediction import MarginOf
 from ctcbs_ros.prediction.warnings import skip_warnings
 from ctcbs_ros.replay.motion_kind import IN_WIND, STILL_AIR, UNKNOWN, UNMODELLED
-from ctcbs_ros.telemetry.skip_code import SkipCode
+from ctcbs_ros.telemetry.skip_code import SKIPS, SkipCode
 from ctcbs_ros.twin.look_ahead import Ending
 
 # Of the tow radius: a place so near to the circle's centre is told as that.
 _AT_CENTRE = 0.02
-SKIPS = {
-    SkipCode.BAD_FIX: "no 3D fix yet, few satellites or poor accuracy",
-    SkipCode.NOT_FINITE: "a value missing or not a number",
-    SkipCode.OUT_OF_RANGE: "a value that no aircraft has",
-    SkipCode.ZERO_POSITION: "at latitude and longitude 0, as before the first fix",
-    SkipCode.MIRRORED: "a wrong sign, or latitude and longitude exchanged",
-    SkipCode.JUMP: "position contradicts the velocity and the samples before",
-    SkipCode.DUPLICATE: "a sample already used, sent again",
-    SkipCode.OUT_OF_ORDER: "older than a sample already used",
-    SkipCode.AHEAD: "time far ahead of the samples before, followed by none as yet",
-    SkipCode.FROZEN: "position stands still while the velocity says it moves",
-}
 WARNINGS = {
     WarningCode.NOT_ORBITING: "no circle is being flown, so nothing is predicted",
     WarningCode.STALE_TELEMETRY: "a gap in the telemetry",
@@ -373,8 +361,8 @@ def _motion_lines(orbits: list[dict[str, Any]]) -> Iterator[str]:
         share = orbit["wind_unmodelled_share"] or 0.0
         if share >= 0.01 and orbit["end_mass_motion"] != UNMODELLED:
             yield (
-                f"In {share:.0%} of the predictions on orbit {number} the motion in its wind was "
-                "not known, or not yet."
+                f"In {100.0 * share:.0f} % of the predictions on orbit {number} the motion in its "
+                "wind was not known, or not yet."
             )
 
 
