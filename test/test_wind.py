@@ -14,15 +14,8 @@ from ctcbs_ros.kernels.wind import refine_wind, wind_covariance
 from ctcbs_ros.orbit import wind_study as study
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.tracks import TURN, arc, fly
-from ctcbs_ros.orbit.wind import (
-    FlightWind,
-    Wind,
-    WindEstimator,
-    WindSettings,
-    WindSource,
-    wind_of_turn,
-    worst_sigma,
-)
+from ctcbs_ros.orbit.wind import Wind, WindSource, worst_sigma
+from ctcbs_ros.orbit.wind_of_turn import FlightWind, WindEstimator, WindSettings, wind_of_turn
 from ctcbs_ros.prediction.codes import WarningCode
 from ctcbs_ros.prediction.predictor import Predictor
 from ctcbs_ros.prediction.record import prediction_record, wind_fields

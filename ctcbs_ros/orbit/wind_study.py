@@ -11,7 +11,7 @@ import numpy as np
 
 from ctcbs_ros.orbit.coverage import in_region, missed_coverage
 from ctcbs_ros.orbit.tracks import correlated_noise
-from ctcbs_ros.orbit.wind import WindSettings, wind_of_turn
+from ctcbs_ros.orbit.wind_of_turn import WindSettings, wind_of_turn
 
 SEED = 6  # turn k is seeded with (SEED, k)
 _TURN = 2.0 * pi

@@ -15,7 +15,8 @@ from ctcbs_ros.geodesy import Datum, point_to_geodetic, to_geodetic
 from ctcbs_ros.orbit.estimator import OrbitEstimator
 from ctcbs_ros.orbit.orbit import Orbit
 from ctcbs_ros.orbit.settings import OrbitSettings
-from ctcbs_ros.orbit.wind import Wind, WindEstimator, WindSettings
+from ctcbs_ros.orbit.wind import Wind
+from ctcbs_ros.orbit.wind_of_turn import WindEstimator, WindSettings
 from ctcbs_ros.periodic.tow_path import AIRSPEED, GROUND_SPEED
 from ctcbs_ros.prediction.branch import Tracked
 from ctcbs_ros.prediction.codes import Warning

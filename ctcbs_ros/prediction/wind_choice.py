@@ -19,13 +19,8 @@ from math import cos, hypot, isfinite, radians, sin
 import numpy as np
 
 from ctcbs_ros.configuration import SetWind
-from ctcbs_ros.orbit.wind import (
-    FlightWind,
-    Wind,
-    WindSource,
-    contradict,
-    worst_sigma,
-)
+from ctcbs_ros.orbit.wind import Wind, WindSource, contradict, worst_sigma
+from ctcbs_ros.orbit.wind_of_turn import FlightWind
 
 # Age of an autopilot's wind up to which it is fresh [s].
 FRESH = 10.0
