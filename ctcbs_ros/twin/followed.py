@@ -1,6 +1,6 @@
 """The twin's cables: the one that is shown, two in other winds, and so what it may be off by."""
 
-from math import atan2, exp, log, pi
+from math import atan2, exp, log, pi, sqrt
 
 import numpy as np
 
@@ -114,12 +114,17 @@ def off_winds(covariance: np.ndarray) -> np.ndarray:
     """By what two winds are off that together have a covariance, (2, 3) from (2, 2).
 
     The symmetric root: it changes as little as the covariance does, where eigenvectors change
-    sign and place.
+    sign and place. Of two rows it is (C + r 1)/sqrt(tr C + 2 r), r = sqrt(det C).
     """
-    values, axes = np.linalg.eigh(covariance)
-    off = np.zeros((2, 3))
-    off[:, :2] = (axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T
-    return off
+    (east, both), (_, north) = covariance.tolist()
+    root = sqrt(max(east * north - both * both, 0.0))
+    scale = sqrt(max(east + north + 2.0 * root, 0.0))
+    if not scale > 0.0:
+        return np.zeros((2, 3))
+    both /= scale
+    return np.array([
+        [(east + root) / scale, both, 0.0], [both, (north + root) / scale, 0.0],
+    ])  # fmt: skip
 
 
 def _yaw(cable: SimulatedCable) -> float:

@@ -87,9 +87,8 @@ class SimulatedCable:
             length = _straight([length_before], [line.length], span)
         air = _straight(wind_before, wind, span)
         drive = (tow_point.breaks, tow_point.coefficients), air, length, end
-        fastest = float(np.abs(tow_point.coefficients[1]).sum(axis=1).max())
         fall = (abs(line.weight_per_length) / line.mass_per_length * line.length) ** 0.5
-        scale_v = max(fastest, fall)
+        scale_v = max(tow_point.fastest, fall)
         scale_t = _TENSION * (
             line.end_weight + line.end_drag * scale_v**2
             + abs(line.weight_per_length) * line.length

@@ -8,6 +8,7 @@ sample: there is no delay, but a correction has come into it by half only after 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -45,6 +46,11 @@ class Pieces:
 
     breaks: np.ndarray
     coefficients: np.ndarray
+
+    @cached_property
+    def fastest(self) -> float:
+        """Greatest sum of the speeds along the axes, of all breaks [m/s]."""
+        return float(np.abs(self.coefficients[1]).sum(axis=1).max())
 
 
 class TowPoint:
